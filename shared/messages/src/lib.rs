@@ -1,0 +1,14 @@
+//! What travels between the processes of `pursuit`: fixed-layout payloads, the [`Stamp`] that every
+//! message carries, and [`topics`], which is the wiring of the whole system on one screen.
+//!
+//! Every type is `repr(C)`, without padding that is read, and carries its version in its type name, so
+//! that two processes of different builds refuse each other by name instead of misreading bytes.
+//! Angles are radians, lengths metres, times nanoseconds, image coordinates pixels with the origin at
+//! the centre of the top-left pixel (u to the right, v down).
+
+pub mod payload;
+pub mod stamp;
+pub mod topics;
+
+pub use payload::*;
+pub use stamp::{ImageShape, Service, Stage, StageStamp, Stamp};

@@ -1,0 +1,340 @@
+//! The payloads. Enumerations travel as numbers: a reader converts them at the border and refuses what
+//! it does not know.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+/// Joints of the arm.
+pub const JOINTS: usize = 6;
+/// Signed vote fields: 3 scales × 4 directions (paper, section 2.3.1).
+pub const FIELDS: usize = 12;
+/// Most cells of one vote field: 16 along the shorter side, up to 4:1.
+pub const MAX_CELLS: usize = 1024;
+/// Most drive cycles one command can cover.
+pub const MAX_CYCLES: usize = 32;
+/// Room for the learner's weights.
+pub const MAX_WEIGHTS: usize = 192;
+
+/// The 12 vote fields of one frame pair after compensation, reduced to cells (topic VOTES).
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/Votes/1")]
+pub struct Votes {
+    /// 1 where a pair was there to vote on, 0 for the first frame after a start or a gap.
+    pub valid: u32,
+    /// Cells per row.
+    pub columns: u32,
+    /// Rows of cells.
+    pub rows: u32,
+    /// Passes of compensation that were run.
+    pub passes: u32,
+    /// Whole-pixel shift of the older frame onto the newer, full-resolution px.
+    pub shift_u: i32,
+    /// As `shift_u`, downward.
+    pub shift_v: i32,
+    /// Side of a cell in full-resolution px.
+    pub cell_px: f32,
+    /// Silence of the background: sum of abs(coherence) of the last pass.
+    pub coherence: f32,
+    /// Estimate of the background's velocity, px/frame (shift plus the damped rest).
+    pub background_u: f32,
+    /// As `background_u`, downward.
+    pub background_v: f32,
+    /// Computing time of the pyramid, ns.
+    pub pyramid_ns: u32,
+    /// Computing time of both voting passes, ns.
+    pub votes_ns: u32,
+    /// Computing time of the compensation (estimate and shift), ns.
+    pub compensation_ns: u32,
+    /// Always 0.
+    pub reserved: u32,
+    /// Field `k` (label `k+1` of the paper's figure 3), row by row, `columns * rows` cells used.
+    pub fields: [[f32; MAX_CELLS]; FIELDS],
+}
+
+/// What one detector says of one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/Detection/1")]
+pub struct Detection {
+    /// 1 where there is a target; all else is 0 where there is none.
+    pub found: u32,
+    /// Always 0.
+    pub reserved: u32,
+    /// Position in the newer frame, px.
+    pub u: f64,
+    /// As `u`, downward.
+    pub v: f64,
+    /// Velocity in the image (not relative to the background), px/frame.
+    pub vu: f64,
+    /// As `vu`, downward.
+    pub vv: f64,
+    /// 0..1.
+    pub confidence: f64,
+    /// Visible area, px².
+    pub area_px: f64,
+    /// Contrast of the best blob (paper, section 2.3.2): not a probability.
+    pub contrast: f64,
+}
+
+/// Segmentation's answer to one frame (topic TARGET). Both detectors always answer; who trains takes
+/// the blob, who tracks takes the motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/Target/1")]
+pub struct Target {
+    /// What moves independently of the camera.
+    pub motion: Detection,
+    /// A static bright object, for training.
+    pub blob: Detection,
+    /// Velocity of the background, px/frame.
+    pub background_u: f64,
+    /// As `background_u`, downward.
+    pub background_v: f64,
+    /// Computing time of the segmentation, ns.
+    pub segmentation_ns: u64,
+}
+
+/// Measured and issued joint state (topic JOINTS).
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/Joints/1")]
+pub struct Joints {
+    /// Time of the reading on the loop's clock, ns.
+    pub time_ns: u64,
+    /// Measured positions, rad.
+    pub position: [f64; JOINTS],
+    /// Measured velocities, rad/s.
+    pub velocity: [f64; JOINTS],
+    /// 1 where the last set-point moves the arm, 0 where it holds.
+    pub following: u32,
+    /// [`Refusal`] of the last set-point as a number, 0 for none.
+    pub refusal: u32,
+}
+
+/// Why the arm driver did not follow a set-point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Refusal {
+    /// The set-point itself says hold.
+    Hold = 1,
+    /// Not a finite number.
+    NotFinite = 2,
+    /// Exposed longer ago than the watchdog allows.
+    Stale = 3,
+    /// Exposed after now.
+    FromTheFuture = 4,
+    /// Outside the working envelope.
+    OutOfRange = 5,
+    /// Of another epoch than the newest frame.
+    OldEpoch = 6,
+    /// No set-point has come yet.
+    None = 7,
+}
+
+/// What the learner is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum Phase {
+    /// Learning on the static blob, move by move.
+    #[default]
+    Training = 0,
+    /// On the way to the pose from which tracking starts.
+    Homing = 1,
+    /// Following the moving target.
+    Tracking = 2,
+}
+
+impl Phase {
+    /// The phase with that number, if there is one.
+    pub fn from_number(number: u32) -> Option<Phase> {
+        [Phase::Training, Phase::Homing, Phase::Tracking].into_iter().find(|p| *p as u32 == number)
+    }
+}
+
+/// Where joints 1 and 2 shall go (topic SETPOINT). One for every frame; `follow = 0` means hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/SetPoint/1")]
+pub struct SetPoint {
+    /// 1: go to `position`; 0: come to rest where you are.
+    pub follow: u32,
+    /// [`Phase`] as a number.
+    pub phase: u32,
+    /// Absolute positions of joints 1 and 2, rad.
+    pub position: [f64; 2],
+    /// Velocities of joints 1 and 2 at that position, rad/s.
+    pub velocity: [f64; 2],
+    /// Training moves finished so far.
+    pub moves: u32,
+    /// Counts up when the learner is done with a training target and wants another.
+    pub target_index: u32,
+    /// 1 where the frame's detection was used.
+    pub detected: u32,
+    /// Always 0.
+    pub reserved: u32,
+}
+
+/// The learner's inside, for people and for evaluation (topic LEARNER_STATE).
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/LearnerState/1")]
+pub struct LearnerState {
+    /// [`Phase`] as a number.
+    pub phase: u32,
+    /// Training moves finished.
+    pub moves: u32,
+    /// Training targets finished.
+    pub target_index: u32,
+    /// Samples in the ring.
+    pub ring: u32,
+    /// All samples admitted so far.
+    pub samples: u64,
+    /// Version of the weights: counts online steps and merges.
+    pub version: u64,
+    /// Batch refits that were merged.
+    pub refits_merged: u32,
+    /// Batch refits that were dropped because they were not better.
+    pub refits_rejected: u32,
+    /// Time of the last refit, ns of its thread.
+    pub refit_ns: u64,
+    /// Mean error over the ring after the last refit (normalised units).
+    pub loss: f64,
+    /// Weights used of `weights`.
+    pub weight_count: u32,
+    /// Hidden units.
+    pub hidden: u32,
+    /// The network's weights, in the order of the learning crate.
+    pub weights: [f64; MAX_WEIGHTS],
+}
+
+impl Default for LearnerState {
+    fn default() -> LearnerState {
+        LearnerState {
+            phase: 0,
+            moves: 0,
+            target_index: 0,
+            ring: 0,
+            samples: 0,
+            version: 0,
+            refits_merged: 0,
+            refits_rejected: 0,
+            refit_ns: 0,
+            loss: 0.0,
+            weight_count: 0,
+            hidden: 0,
+            weights: [0.0; MAX_WEIGHTS],
+        }
+    }
+}
+
+/// What lies or drives on the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum SceneKind {
+    /// A white disc on a dark cloth (paper, section 4: training).
+    #[default]
+    Blob = 0,
+    /// The camouflaged vehicle on the cluttered table.
+    Vehicle = 1,
+}
+
+/// The simulated world at one tick (topic WORLD_STATE): truth for the camera and the evaluation, joint
+/// readings for the arm driver's simulated drives. Nothing else may read it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/WorldState/1")]
+pub struct WorldState {
+    /// Simulated time, ns (lock-step), or CLOCK_MONOTONIC of the tick (wall clock).
+    pub time_ns: u64,
+    /// 1 where the camera exposes at this tick.
+    pub exposes: u32,
+    /// How often this tick has been published.
+    pub attempt: u32,
+    /// [`SceneKind`] as a number.
+    pub scene: u32,
+    /// 1 when the run is over.
+    pub finished: u32,
+    /// Measured joint positions, rad.
+    pub position: [f64; JOINTS],
+    /// Measured joint velocities, rad/s.
+    pub velocity: [f64; JOINTS],
+    /// Position of the last command that the drives accepted, rad.
+    pub issued_position: [f64; JOINTS],
+    /// Velocity of the last command that the drives accepted, rad/s.
+    pub issued_velocity: [f64; JOINTS],
+    /// Base from camera, translation, m.
+    pub camera_position: [f64; 3],
+    /// Base from camera, unit quaternion (x, y, z, w); the camera looks along its +z.
+    pub camera_rotation: [f64; 4],
+    /// Target's position on the table, m.
+    pub target_position: [f64; 2],
+    /// Target's heading, rad.
+    pub target_heading: f64,
+    /// Target's velocity, m/s.
+    pub target_velocity: [f64; 2],
+}
+
+/// One drive cycle of a command: where all joints shall be at its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/DriveCycle/1")]
+pub struct DriveCycle {
+    /// Joint positions, rad.
+    pub position: [f64; JOINTS],
+    /// Joint velocities, rad/s.
+    pub velocity: [f64; JOINTS],
+}
+
+/// The arm driver's command to the simulated drives (topic WORLD_COMMAND).
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/WorldCommand/1")]
+pub struct WorldCommand {
+    /// Cycles used.
+    pub cycle_count: u32,
+    /// [`Refusal`] as a number, 0 where the set-point is followed.
+    pub refusal: u32,
+    /// Length of one drive cycle, ns.
+    pub cycle_ns: u64,
+    /// The set-point behind the command.
+    pub set_point: SetPoint,
+    /// The cycles, in time order.
+    pub cycles: [DriveCycle; MAX_CYCLES],
+}
+
+impl Default for WorldCommand {
+    fn default() -> WorldCommand {
+        WorldCommand {
+            cycle_count: 0,
+            refusal: 0,
+            cycle_ns: 0,
+            set_point: SetPoint::default(),
+            cycles: [DriveCycle::default(); MAX_CYCLES],
+        }
+    }
+}
+
+/// A service's sign of life (topic HEALTH), from inside its loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/Health/1")]
+pub struct Health {
+    /// [`crate::Service`] as a number.
+    pub service: u32,
+    /// Process id.
+    pub pid: u32,
+    /// CLOCK_MONOTONIC, ns.
+    pub time_ns: u64,
+    /// Number of the last frame answered.
+    pub frame: u64,
+    /// Frames answered.
+    pub answered: u64,
+    /// Frames passed over because a newer one was there.
+    pub skipped: u64,
+    /// Messages refused (layout, epoch, values).
+    pub refused: u64,
+    /// 1 where the service has no input (a camera that vanished, say).
+    pub degraded: u32,
+    /// Always 0.
+    pub reserved: u32,
+}

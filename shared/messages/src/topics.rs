@@ -1,0 +1,100 @@
+//! The wiring of the whole system: who writes what, who reads it, and how much is kept.
+//!
+//! | topic | written by | read by |
+//! |---|---|---|
+//! | FRAMES | acquisition | vision, segmentation |
+//! | VOTES | vision | segmentation |
+//! | TARGET | segmentation | learner |
+//! | JOINTS | arm-driver | learner |
+//! | SETPOINT | learner | arm-driver |
+//! | LEARNER_STATE | learner | simulator (evaluation), supervisor |
+//! | WORLD_STATE | simulator | acquisition (simulated camera), arm-driver (simulated drives) |
+//! | WORLD_COMMAND | arm-driver | simulator |
+//! | HEALTH | every service | supervisor |
+
+use crate::payload::*;
+
+/// How a topic is kept. All topics overflow: a slow or dead reader never blocks a writer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quality {
+    /// Writers at once; 2 lets a replacement start before the dead one is cleaned up.
+    pub publishers: usize,
+    /// Readers at once.
+    pub subscribers: usize,
+    /// Messages a reader can be behind before the oldest is lost.
+    pub buffer: usize,
+    /// Messages a reader can hold at once.
+    pub borrowed: usize,
+    /// Messages that a late reader still gets.
+    pub history: usize,
+}
+
+/// One topic: its name on the bus, its payload, how it is kept.
+pub trait Topic {
+    /// What a message holds. `[u8]` for frames.
+    type Payload: ?Sized;
+    /// Service name on the bus, with the version of the payload.
+    const NAME: &'static str;
+    /// Depths and numbers of peers.
+    const QUALITY: Quality;
+}
+
+macro_rules! topic {
+    ($(#[$doc:meta])* $topic:ident, $payload:ty, $name:literal, $quality:expr) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        pub struct $topic;
+        impl Topic for $topic {
+            type Payload = $payload;
+            const NAME: &'static str = $name;
+            const QUALITY: Quality = $quality;
+        }
+    };
+}
+
+const fn kept(
+    publishers: usize,
+    subscribers: usize,
+    buffer: usize,
+    borrowed: usize,
+    history: usize,
+) -> Quality {
+    Quality { publishers, subscribers, buffer, borrowed, history }
+}
+
+topic!(
+    /// Camera frames, written once into the loaned sample.
+    Frames, [u8], "frames/v1", kept(2, 6, 4, 3, 2)
+);
+topic!(
+    /// Vote fields of a frame pair.
+    VoteFields, Votes, "votes/v1", kept(2, 6, 4, 2, 1)
+);
+topic!(
+    /// Detections of a frame.
+    Targets, Target, "target/v1", kept(2, 6, 16, 2, 1)
+);
+topic!(
+    /// Joint readings.
+    JointStates, Joints, "joints/v1", kept(2, 8, 64, 2, 16)
+);
+topic!(
+    /// Set-points: the newest wins.
+    SetPoints, SetPoint, "setpoint/v1", kept(2, 6, 4, 2, 1)
+);
+topic!(
+    /// The learner's inside.
+    LearnerStates, LearnerState, "learner-state/v1", kept(2, 6, 16, 2, 1)
+);
+topic!(
+    /// The simulated world.
+    WorldStates, WorldState, "world-state/v1", kept(2, 6, 16, 2, 2)
+);
+topic!(
+    /// Commands to the simulated drives.
+    WorldCommands, WorldCommand, "world-command/v1", kept(2, 6, 16, 2, 1)
+);
+topic!(
+    /// Signs of life.
+    Healths, Health, "health/v1", kept(16, 4, 32, 2, 0)
+);

@@ -1,1 +1,78 @@
-//! Placeholder.
+//! Segmentation: from the vote fields to the target, and from the frame to the training blob.
+//!
+//! A frame's way: VOTES and the frame that they are of (both read in place) → blobs by contrast, centre
+//! of gravity, velocities; the brightest blob → TARGET.
+
+pub mod config;
+pub mod step;
+
+use config::Config;
+use pursuit_bus::{FrameMessage, FrameSubscriber, Message, wait};
+use pursuit_messages::topics::{Targets, VoteFields};
+use pursuit_messages::{Service, Stage, Stamp};
+use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::{ServiceError, Station, TICK};
+use step::Segmenter;
+
+/// Longest wait for the frame behind a vote message, ns: after that the blob is answered as not found.
+const FRAME_PATIENCE_NS: u64 = 100_000_000;
+
+/// Runs until stopped.
+///
+/// # Errors
+/// [`ServiceError`] for a wrong config or a bus that fails.
+pub fn run(mut station: Station) -> Result<(), ServiceError> {
+    let config = Config::load(&station.document)?;
+    let mut segmenter = Segmenter::new(&config);
+    let targets = station.bus.publisher(Targets)?;
+    let frames = station.bus.frame_subscriber()?;
+    let votes = station.bus.subscriber(VoteFields)?;
+    let mut recent = RecentFrames::default();
+    let mut pending: Option<(Message<VoteFields>, u64)> = None;
+    while station.turn() {
+        wait(&[&votes, &frames], TICK)?;
+        targets.greet_new_readers();
+        recent.take_all(&frames)?;
+        if let Some((message, passed)) = votes.newest()? {
+            station.health.skipped += passed;
+            pending = Some((message, monotonic_ns()));
+            // The frame was sent before its votes; look again before deciding that it is missing.
+            recent.take_all(&frames)?;
+        }
+        let Some((message, since)) = pending.take() else { continue };
+        let begin = monotonic_ns();
+        let frame = recent.find(message.stamp());
+        if frame.is_none() && begin < since + FRAME_PATIENCE_NS {
+            pending = Some((message, since));
+            continue;
+        }
+        let mut target = segmenter.step(message.payload(), frame);
+        let end = monotonic_ns();
+        target.segmentation_ns = end - begin;
+        let stamp = message.stamp().extended(Service::Segmentation, Stage::Segment, begin, end);
+        targets.publish(&stamp, &target)?;
+        station.answered(stamp.frame);
+        station.health.refused = frames.refused() + votes.refused();
+    }
+    Ok(())
+}
+
+/// The last two frames, held in shared memory.
+#[derive(Default)]
+struct RecentFrames {
+    kept: [Option<FrameMessage>; 2],
+}
+
+impl RecentFrames {
+    fn take_all(&mut self, frames: &FrameSubscriber) -> Result<(), ServiceError> {
+        while let Some(frame) = frames.receive()? {
+            self.kept.swap(0, 1);
+            self.kept[1] = Some(frame);
+        }
+        Ok(())
+    }
+
+    fn find(&self, stamp: &Stamp) -> Option<&FrameMessage> {
+        self.kept.iter().flatten().find(|frame| frame.stamp().trace_id == stamp.trace_id)
+    }
+}

@@ -1,1 +1,91 @@
-//! Placeholder.
+//! Vision: from a pair of frames to the 12 signed vote fields.
+//!
+//! A frame's way: FRAMES (read in place) → with the frame before: pyramid, derivatives, votes,
+//! compensation of the mean translation, votes again → VOTES (written in place).
+
+pub mod config;
+mod pairs;
+mod probe;
+
+use config::Config;
+use pairs::{Pair, Pairs};
+use probe::Stopwatch;
+use pursuit_bus::{FrameMessage, wait};
+use pursuit_messages::topics::VoteFields;
+use pursuit_messages::{Service, Stage, Votes};
+use pursuit_motion::{Image, Older, VoteEngine};
+use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::settings::Clock;
+use pursuit_runtime::{ServiceError, Station, TICK};
+
+/// Runs until stopped.
+///
+/// # Errors
+/// [`ServiceError`] for a wrong config or a bus that fails.
+pub fn run(mut station: Station) -> Result<(), ServiceError> {
+    let config = Config::load(&station.document)?;
+    let shape = config.camera.shape();
+    let mut engine = VoteEngine::new(shape.width as usize, shape.height as usize, &config.motion)
+        .map_err(|e| ServiceError::Other(e.to_string()))?;
+    let votes = station.bus.publisher(VoteFields)?;
+    let frames = station.bus.frame_subscriber()?;
+    let mut pairs = Pairs::default();
+    while station.turn() {
+        wait(&[&frames], TICK)?;
+        votes.greet_new_readers();
+        let mut waiting = frames.receive()?;
+        while let Some(frame) = waiting {
+            waiting = frames.receive()?;
+            if waiting.is_some() && config.run.clock == Clock::Wall {
+                // Newest wins; the one passed over still serves as the older half of the pair.
+                station.health.skipped += 1;
+                pairs.take(frame);
+                continue;
+            }
+            if frame.stamp().image != shape {
+                station.health.refused += 1;
+                continue;
+            }
+            let begin = monotonic_ns();
+            pairs.take(frame);
+            let Some(pair) = pairs.pair() else { continue };
+            let mut loan = votes.loan()?;
+            step(&mut engine, &pair, loan.payload_mut()).map_err(ServiceError::Other)?;
+            let stamp = pair.newer.stamp().extended(Service::Vision, Stage::Votes, begin, monotonic_ns());
+            loan.send(&stamp)?;
+            station.answered(stamp.frame);
+        }
+        station.health.refused = station.health.refused.max(frames.refused());
+    }
+    Ok(())
+}
+
+/// Votes on the newest pair, straight into the message.
+fn step(engine: &mut VoteEngine, pair: &Pair<'_>, votes: &mut Votes) -> Result<(), String> {
+    let newer = image(pair.newer)?;
+    let older = match pair.older {
+        None => Older::Missing,
+        Some(frame) if pair.continues => Older::LastNewer(image(frame)?),
+        Some(frame) => Older::Frame(image(frame)?),
+    };
+    let mut watch = Stopwatch::start();
+    let summary = engine.vote(older, newer, &mut votes.fields, &mut watch);
+    votes.valid = u32::from(summary.valid);
+    votes.columns = summary.columns as u32;
+    votes.rows = summary.rows as u32;
+    votes.passes = summary.passes;
+    (votes.shift_u, votes.shift_v) = summary.shift;
+    votes.cell_px = summary.cell_px;
+    votes.interval = pair.interval;
+    votes.coherence = summary.coherence;
+    votes.coherence_sum = summary.coherence_sum;
+    (votes.background_u, votes.background_v) = summary.background;
+    (votes.pyramid_ns, votes.votes_ns, votes.compensation_ns) = watch.parts();
+    Ok(())
+}
+
+fn image(frame: &FrameMessage) -> Result<Image<'_>, String> {
+    let shape = frame.stamp().image;
+    Image::new(frame.pixels(), shape.width as usize, shape.height as usize, shape.stride as usize)
+        .map_err(|e| e.to_string())
+}

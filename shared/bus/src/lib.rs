@@ -1,1 +1,257 @@
-//! Placeholder.
+//! Typed publish/subscribe between the processes of one instance: the only crate that calls iceoryx2.
+//!
+//! Rule of thumb: publish-subscribe carries the data, an event service of the same name wakes the
+//! readers, nothing else. Frames are written once, into the loaned sample, and read in place by every
+//! reader. Three rules that cost others days are kept here once and for all:
+//!
+//! * every wait is bounded, and readers drain after each return, fired or not ([`wait`]): iceoryx2
+//!   0.10.0 can lose a wake-up;
+//! * every topic overflows, so a slow or dead reader never blocks a writer;
+//! * two instances have different roots and different prefixes, so that they never meet
+//!   ([`Instance`]).
+
+mod error;
+mod instance;
+mod port;
+
+pub use error::BusError;
+pub use instance::{Instance, InstanceError};
+pub use port::{
+    FrameLoan, FrameMessage, FramePublisher, FrameSubscriber, Loan, Message, Publisher, Subscriber, Wakes,
+    wait,
+};
+
+use iceoryx2::prelude::*;
+use pursuit_messages::topics::{self, Quality, Topic};
+use pursuit_messages::{Stamp, StageStamp};
+use std::time::Duration;
+
+pub(crate) type Ipc = ipc::Service;
+
+/// Most nodes (processes and tools) of one topic.
+const MAX_NODES: usize = 32;
+
+/// One process's place on the bus of an instance.
+pub struct Bus {
+    node: Node<Ipc>,
+}
+
+impl Bus {
+    /// Joins the bus of `instance` under the name `name` (a service's name, for listings).
+    ///
+    /// # Errors
+    /// [`BusError::Join`] where the run-time directory cannot be used (another user's, say).
+    pub fn join(instance: &Instance, name: &str) -> Result<Bus, BusError> {
+        set_log_level(LogLevel::Fatal);
+        let config = instance.transport_config();
+        let node = NodeBuilder::new()
+            .name(&NodeName::new(name).map_err(|e| BusError::join(name, &e))?)
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(|e| BusError::join(name, &e))?;
+        Ok(Bus { node })
+    }
+
+    /// A writer of topic `T`.
+    ///
+    /// # Errors
+    /// [`BusError::Version`] where a running peer speaks another version of the topic.
+    pub fn publisher<T>(&self, _topic: T) -> Result<Publisher<T>, BusError>
+    where
+        T: Topic,
+        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+    {
+        Publisher::open(self)
+    }
+
+    /// A reader of topic `T`.
+    ///
+    /// # Errors
+    /// [`BusError::Version`] where a running peer speaks another version of the topic.
+    pub fn subscriber<T>(&self, _topic: T) -> Result<Subscriber<T>, BusError>
+    where
+        T: Topic,
+        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+    {
+        Subscriber::open(self)
+    }
+
+    /// The writer of FRAMES; every frame has at most `max_bytes`. Touches its whole pool once, so that
+    /// no page is first used on the way of a frame.
+    ///
+    /// # Errors
+    /// As [`Bus::publisher`].
+    pub fn frame_publisher(&self, max_bytes: usize) -> Result<FramePublisher, BusError> {
+        FramePublisher::open(self, max_bytes)
+    }
+
+    /// A reader of FRAMES.
+    ///
+    /// # Errors
+    /// As [`Bus::publisher`].
+    pub fn frame_subscriber(&self) -> Result<FrameSubscriber, BusError> {
+        FrameSubscriber::open(self)
+    }
+
+    /// Gives back what dead processes left on the bus; how many were cleaned up.
+    pub fn clean_dead(&self) -> u64 {
+        self.node.try_cleanup_dead_nodes().cleanups
+    }
+
+    /// Opens every topic and keeps it open as long as the answer lives: quality and types stay as one
+    /// creator fixed them, and a process of another version is refused by name.
+    ///
+    /// # Errors
+    /// As [`Bus::publisher`].
+    pub fn hold_all_topics(&self) -> Result<HeldTopics, BusError> {
+        let mut held = HeldTopics { keep: Vec::new() };
+        held.keep.push(Box::new((self.frames_service()?, self.event_service::<topics::Frames>()?)));
+        self.hold::<topics::VoteFields>(&mut held)?;
+        self.hold::<topics::Targets>(&mut held)?;
+        self.hold::<topics::JointStates>(&mut held)?;
+        self.hold::<topics::SetPoints>(&mut held)?;
+        self.hold::<topics::LearnerStates>(&mut held)?;
+        self.hold::<topics::WorldStates>(&mut held)?;
+        self.hold::<topics::WorldCommands>(&mut held)?;
+        self.hold::<topics::Healths>(&mut held)?;
+        Ok(held)
+    }
+
+    fn hold<T>(&self, held: &mut HeldTopics) -> Result<(), BusError>
+    where
+        T: Topic,
+        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+    {
+        held.keep.push(Box::new((self.data_service::<T>()?, self.event_service::<T>()?)));
+        Ok(())
+    }
+
+    pub(crate) fn data_service<T>(&self) -> Result<port::DataService<T::Payload>, BusError>
+    where
+        T: Topic,
+        T::Payload: ZeroCopySend + Copy + core::fmt::Debug + 'static,
+    {
+        let name = service_name(T::NAME)?;
+        let Quality { publishers, subscribers, buffer, borrowed, history } = T::QUALITY;
+        retry(&self.node, T::NAME, || {
+            self.node
+                .service_builder(&name)
+                .publish_subscribe::<T::Payload>()
+                .user_header::<Stamp>()
+                .max_publishers(publishers)
+                .max_subscribers(subscribers)
+                .subscriber_max_buffer_size(buffer)
+                .subscriber_max_borrowed_samples(borrowed)
+                .history_size(history)
+                .enable_safe_overflow(true)
+                .max_nodes(MAX_NODES)
+                .open_or_create()
+        })
+    }
+
+    pub(crate) fn frames_service(&self) -> Result<port::FrameService, BusError> {
+        let name = service_name(topics::Frames::NAME)?;
+        let Quality { publishers, subscribers, buffer, borrowed, history } = topics::Frames::QUALITY;
+        retry(&self.node, topics::Frames::NAME, || {
+            self.node
+                .service_builder(&name)
+                .publish_subscribe::<[u8]>()
+                .user_header::<Stamp>()
+                .payload_alignment(Alignment::ALIGN_64)
+                .max_publishers(publishers)
+                .max_subscribers(subscribers)
+                .subscriber_max_buffer_size(buffer)
+                .subscriber_max_borrowed_samples(borrowed)
+                .history_size(history)
+                .enable_safe_overflow(true)
+                .max_nodes(MAX_NODES)
+                .open_or_create()
+        })
+    }
+
+    pub(crate) fn event_service<T: Topic>(&self) -> Result<port::EventService, BusError> {
+        let name = service_name(T::NAME)?;
+        retry(&self.node, T::NAME, || {
+            self.node
+                .service_builder(&name)
+                .event()
+                .max_notifiers(MAX_NODES)
+                .max_listeners(MAX_NODES)
+                .max_nodes(MAX_NODES)
+                .open_or_create()
+        })
+    }
+
+    pub(crate) fn node(&self) -> &Node<Ipc> {
+        &self.node
+    }
+}
+
+/// Keeps every topic open; see [`Bus::hold_all_topics`].
+pub struct HeldTopics {
+    keep: Vec<Box<dyn core::any::Any>>,
+}
+
+impl HeldTopics {
+    /// How many topics are held.
+    pub fn count(&self) -> usize {
+        self.keep.len()
+    }
+}
+
+/// The shared memory that all topics of one instance can take, bytes: what iceoryx2 0.10 reserves per
+/// publisher is subscribers × (buffer + borrowed) + history + loaned samples.
+pub fn memory_budget(frame_bytes: usize) -> usize {
+    fn of<T: Topic>(payload: usize) -> usize {
+        let q = T::QUALITY;
+        let samples = q.subscribers * (q.buffer + q.borrowed) + q.history + 2;
+        samples * (payload + size_of::<Stamp>() + size_of::<StageStamp>()) * q.publishers
+    }
+    of::<topics::Frames>(frame_bytes)
+        + of::<topics::VoteFields>(size_of::<pursuit_messages::Votes>())
+        + of::<topics::Targets>(size_of::<pursuit_messages::Target>())
+        + of::<topics::JointStates>(size_of::<pursuit_messages::Joints>())
+        + of::<topics::SetPoints>(size_of::<pursuit_messages::SetPoint>())
+        + of::<topics::LearnerStates>(size_of::<pursuit_messages::LearnerState>())
+        + of::<topics::WorldStates>(size_of::<pursuit_messages::WorldState>())
+        + of::<topics::WorldCommands>(size_of::<pursuit_messages::WorldCommand>())
+        + of::<topics::Healths>(size_of::<pursuit_messages::Health>())
+}
+
+fn service_name(name: &str) -> Result<ServiceName, BusError> {
+    ServiceName::new(name).map_err(|e| BusError::Open { topic: name.to_owned(), cause: format!("{e:?}") })
+}
+
+/// How often opening is tried again while a dead peer's remains are cleaned up.
+const OPEN_ATTEMPTS: u32 = 100;
+/// Pause between two attempts; together with [`OPEN_ATTEMPTS`] about 5 s.
+const OPEN_PAUSE: Duration = Duration::from_millis(50);
+
+/// Runs `open` until it works, cleaning up after dead peers in between; gives up at once where the
+/// versions differ.
+pub(crate) fn retry<R, E: core::fmt::Debug>(
+    node: &Node<Ipc>,
+    topic: &str,
+    mut open: impl FnMut() -> Result<R, E>,
+) -> Result<R, BusError> {
+    let mut cause = String::new();
+    for attempt in 0..OPEN_ATTEMPTS {
+        match open() {
+            Ok(opened) => return Ok(opened),
+            Err(error) => cause = format!("{error:?}"),
+        }
+        if BusError::is_version_conflict(&cause) {
+            return Err(BusError::Version { topic: topic.to_owned(), cause });
+        }
+        if attempt > 0 {
+            std::thread::sleep(OPEN_PAUSE);
+        }
+        node.try_cleanup_dead_nodes();
+    }
+    Err(BusError::Open { topic: topic.to_owned(), cause })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

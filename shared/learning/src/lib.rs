@@ -1,1 +1,39 @@
-//! Placeholder.
+//! The arm learns its own hand-eye coordination: from where the target is in the image and the angle of
+//! joint 2 to the joint displacements that bring the target to the centre of the image (Bartholomeus,
+//! Kröse and Noest 1994, section 3).
+//!
+//! The way of a frame: [`View`] (where the target was seen, at which joint angles) → [`Episode`] pairs it
+//! with earlier views → [`Sample`], correct whatever the network did ("indirect learning") → one online
+//! step of back-propagation, and a place in the [`Ring`] of 100 → at rest a [`RefitJob`], run by
+//! [`refit`] wherever the caller likes → [`Trainer::merge`].
+//!
+//! Pure: no clock, file, log, thread. Random numbers come from one seeded stream. All state can be
+//! serialised; what is restored goes on bit for bit as if it had never stopped.
+//!
+//! Symbols of the paper: x is [`View::point_px`], θ is [`View::joints`], p is
+//! [`samples::displacement_px`], Δθ is the difference of joints. Where this crate departs from the
+//! paper, [`Settings::paper`] is the way back and the line says so.
+
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+pub mod conjugate_gradient;
+pub mod episode;
+pub mod grid;
+mod line_search;
+pub mod network;
+pub mod objective;
+pub mod refit;
+pub mod ring;
+pub mod samples;
+pub mod settings;
+pub mod trainer;
+
+pub use conjugate_gradient::{Descent, Stop};
+pub use episode::Episode;
+pub use grid::{GridCase, GridError, evaluate_grid};
+pub use network::{HIDDEN, Network, WEIGHTS};
+pub use refit::{RefitJob, RefitResult, refit};
+pub use ring::Ring;
+pub use samples::{Normalisation, Sample, View};
+pub use settings::{Pairing, Retention, Settings};
+pub use trainer::{Counters, Merge, Trainer};

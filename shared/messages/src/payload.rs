@@ -25,7 +25,7 @@ pub struct Votes {
     pub columns: u32,
     /// Rows of cells.
     pub rows: u32,
-    /// Passes of compensation that were run.
+    /// How often the older frame was moved.
     pub passes: u32,
     /// Whole-pixel shift of the older frame onto the newer, full-resolution px.
     pub shift_u: i32,
@@ -33,22 +33,48 @@ pub struct Votes {
     pub shift_v: i32,
     /// Side of a cell in full-resolution px.
     pub cell_px: f32,
-    /// Silence of the background: sum of abs(coherence) of the last pass.
-    pub coherence: f32,
-    /// Estimate of the background's velocity, px/frame (shift plus the damped rest).
-    pub background_u: f32,
+    /// Frames between the two of the pair: 1 unless some were passed over. All displacements here are
+    /// per pair, not per frame.
+    pub interval: u32,
+    /// Coherence of each field on the compensated pair, -1..1.
+    pub coherence: [f64; FIELDS],
+    /// Sum of the absolute coherences.
+    pub coherence_sum: f64,
+    /// Displacement of the background over the pair, px (shift plus the damped rest).
+    pub background_u: f64,
     /// As `background_u`, downward.
-    pub background_v: f32,
+    pub background_v: f64,
     /// Computing time of the pyramid, ns.
-    pub pyramid_ns: u32,
-    /// Computing time of both voting passes, ns.
-    pub votes_ns: u32,
+    pub pyramid_ns: u64,
+    /// Computing time of the voting passes, ns.
+    pub votes_ns: u64,
     /// Computing time of the compensation (estimate and shift), ns.
-    pub compensation_ns: u32,
-    /// Always 0.
-    pub reserved: u32,
+    pub compensation_ns: u64,
     /// Field `k` (label `k+1` of the paper's figure 3), row by row, `columns * rows` cells used.
     pub fields: [[f32; MAX_CELLS]; FIELDS],
+}
+
+impl Default for Votes {
+    fn default() -> Votes {
+        Votes {
+            valid: 0,
+            columns: 0,
+            rows: 0,
+            passes: 0,
+            shift_u: 0,
+            shift_v: 0,
+            cell_px: 0.0,
+            interval: 0,
+            coherence: [0.0; FIELDS],
+            coherence_sum: 0.0,
+            background_u: 0.0,
+            background_v: 0.0,
+            pyramid_ns: 0,
+            votes_ns: 0,
+            compensation_ns: 0,
+            fields: [[0.0; MAX_CELLS]; FIELDS],
+        }
+    }
 }
 
 /// What one detector says of one frame.

@@ -1,1 +1,37 @@
-//! Placeholder.
+//! The motion detector of the paper (section 2), as pure functions: frames in, target out; no clock,
+//! file, log or thread.
+//!
+//! ```text
+//! frame pair ─► pyramid ─► derivatives ─► 12 votes ─► cells ─► shift ─┐      VoteEngine::vote
+//!                  ▲                                                  │
+//!                  └──────────── compensated older frame ◄────────────┘
+//! vote fields ─► blobs ─► three best ─► threshold ─► target, velocities      segment
+//! frame ─► bright component ─► centroid                                     detect_blob
+//! ```
+//!
+//! Votes are whole numbers up to the cells: the fields are the same to the bit on every processor.
+//! Positions are px from the centre of the top-left pixel (u to the right, v down), velocities px/frame
+//! from the older to the newer frame.
+
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod blobs;
+mod bright_blob;
+mod cells;
+mod compensation;
+mod engine;
+mod image;
+mod parameters;
+mod pyramid;
+mod segment;
+#[cfg(test)]
+mod tests;
+mod votes;
+
+pub use bright_blob::{BlobParameters, BlobScratch, detect_blob};
+pub use cells::{CELLS_ALONG_SHORTER_SIDE, GridError, MAX_CELLS};
+pub use compensation::NOMINAL_VELOCITIES;
+pub use engine::{EngineError, FIELDS, Fields, NoProbe, Older, Part, Probe, VoteEngine, VoteSummary};
+pub use image::{Image, ImageError, MAX_SIDE, MIN_SIDE};
+pub use parameters::{ParameterError, Parameters, Smoothing};
+pub use segment::{Detection, NoTarget, SegmentScratch, Segmentation, segment};

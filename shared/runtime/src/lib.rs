@@ -1,1 +1,20 @@
-//! Placeholder.
+//! What every service process shares: start-up, stop, clock, heartbeat, logs, checkpoints, exit codes.
+//!
+//! Only this crate reads a clock. A service's loop looks like this:
+//!
+//! ```text
+//! while station.turn() {                       // beats, and ends on a stop
+//!     pursuit_bus::wait(&[&input], station::TICK)?;
+//!     while let Some(message) = input.receive()? { … one pure step … output.publish(…)? }
+//! }
+//! ```
+
+pub mod checkpoint;
+pub mod clock;
+pub mod exit;
+pub mod logging;
+pub mod place;
+pub mod settings;
+pub mod station;
+
+pub use station::{ServiceError, Station, TICK};

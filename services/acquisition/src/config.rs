@@ -1,0 +1,87 @@
+//! Sections `[camera]` and `[acquisition]`.
+
+use pursuit_config::{Checker, Document, Faults, Scope};
+use pursuit_runtime::settings;
+use pursuit_scene::{Lighting, SceneParameters, parameters};
+use std::path::PathBuf;
+
+/// What acquisition needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// Section `[run]`.
+    pub run: settings::Run,
+    /// Section `[camera]`.
+    pub camera: settings::Camera,
+    /// Where frames come from.
+    pub source: Source,
+}
+
+/// Where frames come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source {
+    /// Rendered from the simulated world.
+    Simulated(SceneParameters),
+    /// Read from a folder.
+    Files(Files),
+}
+
+/// A folder of images as a camera.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Files {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Whether it begins again at its end.
+    pub repeats: bool,
+}
+
+impl Config {
+    /// Reads and checks what acquisition needs.
+    ///
+    /// # Errors
+    /// All faults of these sections at once.
+    pub fn load(document: &Document) -> Result<Config, Faults> {
+        let checker = Checker::new(document);
+        let config = Config::read(&checker);
+        checker.finish(Scope::ReadSections)?;
+        Ok(config)
+    }
+
+    /// Reads the sections; faults go to the checker.
+    pub fn read(checker: &Checker<'_>) -> Config {
+        let run = settings::Run::read(checker);
+        let camera = settings::Camera::read(checker);
+        let scene = scene(checker, &camera, run.seed);
+        let section = checker.section("acquisition");
+        let folder = section.path_or("folder", "");
+        let repeats = section.flag_or("repeat", false);
+        let files = section.choice("source", &[("simulated", false), ("files", true)]);
+        if files && folder.as_os_str().is_empty() {
+            section.fault("folder", "is missing: source = \"files\" needs the folder of the images");
+        }
+        if files && run.clock == settings::Clock::Lockstep {
+            section.fault("source", "\"files\" needs run.clock = \"wall\": only the simulator can keep lock-step");
+        }
+        let source = if files { Source::Files(Files { folder, repeats }) } else { Source::Simulated(scene) };
+        Config { run, camera, source }
+    }
+}
+
+/// The part of `[camera]` that only the simulated camera knows.
+fn scene(checker: &Checker<'_>, camera: &settings::Camera, seed: u64) -> SceneParameters {
+    let section = checker.section("camera");
+    SceneParameters {
+        seed,
+        width: camera.width as usize,
+        height: camera.height as usize,
+        focal_px: section.float_or("focal_px", 8.0..=1e5, parameters::FOCAL_PX),
+        contrast_sd: section.float_or("contrast", 0.0..=73.0, parameters::CONTRAST_SD),
+        noise_sigma: section.float_or("noise", 0.0..=50.0, parameters::NOISE_SIGMA),
+        lighting: Lighting {
+            gain: section.float_or("gain", 0.0..=10.0, 1.0),
+            vignetting: section.float_or("vignetting", 0.0..=0.5, 0.0),
+            flicker: section.float_or("flicker", 0.0..=1.0, 0.0),
+            flicker_hz: section.float_or("flicker_hz", 0.0..=1000.0, 100.0),
+        },
+        ..SceneParameters::default()
+    }
+}

@@ -1,0 +1,57 @@
+//! Training over many seeds without any bus: `cargo run --release -p pursuit-learner --example seeds [SEEDS]`.
+//! One line per scheme: median/p90.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use pursuit_learner::config::{Parameters, Profile};
+use support::{Conditions, Run, quantile, train};
+
+fn main() {
+    let seeds = std::env::args().nth(1).and_then(|count| count.parse().ok()).unwrap_or(50);
+    let recommended = Parameters::of(Profile::Recommended);
+    let paper = Parameters::of(Profile::Paper);
+    let schemes = [
+        ("recommended", recommended),
+        ("recommended, first target", Parameters { moves_per_target: 12, training_moves: 12, ..recommended }),
+        ("paper", paper),
+        ("paper, first target", Parameters { moves_per_target: 15, training_moves: 15, ..paper }),
+        ("paper, online only", with_iterations(paper, 0)),
+        ("recommended, online only", with_iterations(recommended, 0)),
+    ];
+    for (name, parameters) in schemes {
+        let runs: Vec<Run> =
+            (0..seeds).map(|seed| train(&parameters, 1000 + seed, Conditions::default()).0).collect();
+        report(name, &runs);
+    }
+}
+
+fn with_iterations(mut parameters: Parameters, iterations: u32) -> Parameters {
+    parameters.learning.iterations = iterations;
+    parameters
+}
+
+fn report(name: &str, runs: &[Run]) {
+    let moves = |of: &dyn Fn(&Run) -> Option<usize>| {
+        [0.5, 0.9].map(|share| quantile(runs.iter().map(of), share).map_or("-".into(), |m| m.to_string())).join("/")
+    };
+    let centimetres = |of: &dyn Fn(&Run) -> Option<f64>| {
+        [0.5, 0.9].map(|share| quantile(runs.iter().map(of), share).map_or("-".into(), |m| format!("{:.2}", 100.0 * m))).join("/")
+    };
+    println!(
+        "{name:28} moves to 3 cm {:6} 1 cm {:6} 5 mm {:6} | after 5 moves {:9} cm, all {:9} cm, p90 {:9} cm | \
+         first target 3 cm {:5} 1 cm {:5} 5 mm {:5} | targets {} frames {} rejected {}",
+        moves(&|run| run.moves_to(0.03)),
+        moves(&|run| run.moves_to(0.01)),
+        moves(&|run| run.moves_to(0.005)),
+        centimetres(&|run| run.grid.get(4).map(|grid| grid.median)),
+        centimetres(&|run| run.grid.last().map(|grid| grid.median)),
+        centimetres(&|run| run.grid.last().map(|grid| grid.p90)),
+        moves(&|run| run.moves_on_first_target(0.03)),
+        moves(&|run| run.moves_on_first_target(0.01)),
+        moves(&|run| run.moves_on_first_target(0.005)),
+        runs.iter().map(|run| run.targets).sum::<u32>() / runs.len() as u32,
+        runs.iter().map(|run| run.frames).sum::<u64>() / runs.len() as u64,
+        runs.iter().map(|run| run.rejected).sum::<u32>(),
+    );
+}

@@ -1,0 +1,244 @@
+//! The answer to one frame: a set-point, and what was learnt.
+//!
+//! [`Learner`] is the whole state: serialised after an answer and restored in another process, it goes on
+//! bit for bit as if nothing had happened. No clock, no thread: time is the exposure of the frames, and a
+//! batch refit is handed out and its result taken back:
+//!
+//! ```text
+//! on frame n:  if a refit is running:  learner.merge(&its result)     in lock-step wait for it
+//!              output = learner.step(&input)                          publish, save the state
+//!              if learner.refit_number() is one that is not running:  run refit(&learner.refit_job())
+//! ```
+//!
+//! The next move waits for the result, or for [`Parameters::refit_deadline`].
+
+use pursuit_learning::{Merge, Network, RefitJob, RefitResult, Trainer};
+use pursuit_messages::{LearnerState, MAX_WEIGHTS, Phase, SetPoint};
+use serde::{Deserialize, Serialize};
+
+use crate::config::Parameters;
+pub use crate::moment::Input;
+use crate::moment::Moment;
+use crate::rest::{Motion, Observation};
+
+/// The answer to one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Output {
+    /// Where the arm shall go.
+    pub set_point: SetPoint,
+    /// The learner's inside; the time of a refit is the caller's to measure, here it is 0.
+    pub state: LearnerState,
+}
+
+/// What the learner is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) enum Activity {
+    /// Training: the arm comes to rest and is at rest; looks, then decides.
+    Observing(Observation),
+    /// Training: one move is under way.
+    Moving(Motion),
+    /// Training: another target was asked for; the old one was seen at `old_px`.
+    AwaitingTarget { since_ns: u64, old_px: Option<[f64; 2]> },
+    /// On the way to the pose where tracking begins.
+    Homing(Motion),
+    /// Following what moves; it was last seen at `seen_ns`.
+    Tracking { seen_ns: Option<u64> },
+}
+
+/// What the arm is told; position and velocity of the message follow from it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) enum Command {
+    Hold,
+    GoTo([f64; 2]),
+}
+
+/// How far training has come.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Progress {
+    pub(crate) moves: u32,
+    pub(crate) target_index: u32,
+    pub(crate) moves_to_target: u32,
+    pub(crate) bootstrap_moves: u32,
+    /// Pose at rest from which the target was last seen.
+    pub(crate) last_seen_from: [f64; 2],
+}
+
+/// The last frame that was answered, for when it is asked for again.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Answer {
+    frame: u64,
+    command: Command,
+    detected: bool,
+}
+
+/// The learner: its whole state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Learner {
+    pub(crate) parameters: Parameters,
+    pub(crate) trainer: Trainer,
+    pub(crate) activity: Activity,
+    pub(crate) progress: Progress,
+    /// What the arm is told until something else is decided.
+    pub(crate) command: Command,
+    /// Exposure of the frame at which the last refit became due, ns.
+    pub(crate) refit_due_ns: u64,
+    /// Error over the ring after the last refit.
+    refit_error: f64,
+    answer: Option<Answer>,
+}
+
+impl Learner {
+    /// An untrained learner.
+    ///
+    /// # Panics
+    /// If a parameter is out of its range: see [`Parameters::fault`].
+    pub fn new(parameters: &Parameters, seed: u64) -> Learner {
+        if let Some(fault) = parameters.fault() {
+            panic!("{fault}");
+        }
+        Learner {
+            parameters: *parameters,
+            trainer: Trainer::new(&parameters.learning, seed),
+            activity: Activity::Observing(Observation::default()),
+            progress: Progress {
+                moves: 0,
+                target_index: 0,
+                moves_to_target: 0,
+                bootstrap_moves: 0,
+                last_seen_from: parameters.home_rad,
+            },
+            command: Command::Hold,
+            refit_due_ns: 0,
+            refit_error: 0.0,
+            answer: None,
+        }
+    }
+
+    /// One frame. A frame that is not newer than the last gets the last answer again and changes nothing.
+    pub fn step(&mut self, input: &Input) -> Output {
+        let answer = match self.answer {
+            Some(answer) if input.frame <= answer.frame => answer,
+            _ => {
+                // A frame that cannot be used stops the arm and is forgotten.
+                let (command, detected) = match Moment::of(input) {
+                    Some(moment) => (self.advance(&moment), self.uses(&moment)),
+                    None => (Command::Hold, false),
+                };
+                Answer { frame: input.frame, command, detected }
+            }
+        };
+        self.answer = Some(answer);
+        Output { set_point: self.set_point(&answer), state: self.state() }
+    }
+
+    fn advance(&mut self, moment: &Moment) -> Command {
+        match self.activity {
+            Activity::Observing(observation) => self.observe_at_rest(observation, moment),
+            Activity::Moving(motion) => self.learn_from_move(motion, moment),
+            Activity::AwaitingTarget { since_ns, old_px } => self.await_target(since_ns, old_px, moment),
+            Activity::Homing(motion) => self.go_home(motion, moment),
+            Activity::Tracking { seen_ns } => self.track(seen_ns, moment),
+        }
+        self.command
+    }
+
+    /// Number of the refit that is due or running; `None` while there is none.
+    pub fn refit_number(&self) -> Option<u64> {
+        self.trainer.refit_number()
+    }
+
+    /// The refit that is due or running: the same job, however often it is asked for, also after a
+    /// restore. Allocates.
+    pub fn refit_job(&self) -> Option<RefitJob> {
+        self.trainer.refit_job()
+    }
+
+    /// Takes the result of a refit, in time or late; see [`Trainer::merge`].
+    pub fn merge(&mut self, result: &RefitResult) -> Merge {
+        let merge = self.trainer.merge(result);
+        if merge != Merge::Stale {
+            self.refit_error = self.trainer.error();
+        }
+        merge
+    }
+
+    /// Frame numbers or exposures begin anew: forgets everything that a pair of frames must not span, keeps
+    /// what was learnt. A move under way counts as never made.
+    pub fn start_epoch(&mut self) {
+        self.answer = None;
+        self.command = Command::Hold;
+        self.trainer.start_target();
+        self.refit_due_ns = 0;
+        self.activity = match self.phase() {
+            Phase::Training => Activity::Observing(Observation::default()),
+            Phase::Homing => Activity::Homing(Motion::to(self.parameters.home_rad, 0)),
+            Phase::Tracking => Activity::Tracking { seen_ns: None },
+        };
+    }
+
+    /// The parameters it was made with.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The live network.
+    pub fn network(&self) -> &Network {
+        self.trainer.network()
+    }
+
+    /// What the learner is doing, as others see it.
+    pub fn phase(&self) -> Phase {
+        match self.activity {
+            Activity::Observing(_) | Activity::Moving(_) | Activity::AwaitingTarget { .. } => Phase::Training,
+            Activity::Homing(_) => Phase::Homing,
+            Activity::Tracking { .. } => Phase::Tracking,
+        }
+    }
+
+    /// Whether this frame's detection is one that the phase goes by.
+    fn uses(&self, moment: &Moment) -> bool {
+        match self.phase() {
+            Phase::Training => moment.blob.is_some(),
+            Phase::Homing => false,
+            Phase::Tracking => moment.motion_px.is_some(),
+        }
+    }
+
+    fn set_point(&self, answer: &Answer) -> SetPoint {
+        let (follow, position) = match answer.command {
+            Command::Hold => (0, [0.0; 2]),
+            Command::GoTo(position) => (1, position),
+        };
+        SetPoint {
+            follow,
+            phase: self.phase() as u32,
+            position,
+            velocity: [0.0; 2],
+            moves: self.progress.moves,
+            target_index: self.progress.target_index,
+            detected: u32::from(answer.detected),
+            reserved: 0,
+        }
+    }
+
+    fn state(&self) -> LearnerState {
+        let counters = self.trainer.counters();
+        let mut weights = [0.0; MAX_WEIGHTS];
+        let weight_count = self.network().export(&mut weights) as u32;
+        LearnerState {
+            phase: self.phase() as u32,
+            moves: self.progress.moves,
+            target_index: self.progress.target_index,
+            ring: self.trainer.samples().len() as u32,
+            samples: counters.samples,
+            version: counters.version,
+            refits_merged: counters.refits_merged,
+            refits_rejected: counters.refits_rejected,
+            refit_ns: 0,
+            loss: self.refit_error,
+            weight_count,
+            hidden: pursuit_learning::HIDDEN as u32,
+            weights,
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Training: look at rest, move once, learn from the move, until it has been done often enough.
+
+use pursuit_learning::View;
+use pursuit_learning::samples::THETA2_MIDDLE_RAD;
+
+use crate::moment::Moment;
+use crate::rest::{Motion, Observation, Sight, nanos};
+use crate::step::{Activity, Command, Learner};
+
+/// First move, of joint 1, rad: the network knows nothing yet, any motion teaches (not in the paper).
+const BOOTSTRAP_THETA1_RAD: f64 = 0.12;
+/// Second move, of joint 2, rad, towards the middle of its range.
+const BOOTSTRAP_THETA2_RAD: f64 = 0.10;
+/// Another training target is one that is this far, in half image widths, from where the old one was.
+const JUMP_HALF_WIDTHS: f64 = 0.08;
+
+impl Learner {
+    pub(crate) fn observe_at_rest(&mut self, mut observation: Observation, moment: &Moment) {
+        observation.take(moment, &self.parameters);
+        self.activity = Activity::Observing(observation);
+        if observation.is_complete(&self.parameters) && !self.awaits_refit(moment) {
+            self.decide(observation.sight(), moment);
+        }
+    }
+
+    pub(crate) fn learn_from_move(&mut self, mut motion: Motion, moment: &Moment) {
+        if let Some(blob) = &moment.blob
+            && blob.whole
+        {
+            self.trainer.observe(blob.view, &moment.normalisation);
+        }
+        let over = motion.is_over_at(moment, &self.parameters);
+        self.activity = Activity::Moving(motion);
+        if over {
+            self.trainer.finish_move();
+            self.refit_due_ns = moment.now_ns;
+            self.progress.moves += 1;
+            self.progress.moves_to_target += 1;
+            self.activity = Activity::Observing(Observation::default());
+        }
+    }
+
+    /// The next target is on its way: until it is seen, or time is up, frames may still show the old one.
+    pub(crate) fn await_target(&mut self, since_ns: u64, old_px: Option<[f64; 2]>, moment: &Moment) {
+        let jump = JUMP_HALF_WIDTHS * moment.normalisation.half_width_px;
+        let is_new = |point: [f64; 2]| {
+            old_px.is_none_or(|old| (point[0] - old[0]).hypot(point[1] - old[1]) > jump)
+        };
+        let appeared = moment.blob.is_some_and(|blob| is_new(blob.view.point_px));
+        let waited = moment.now_ns.saturating_sub(since_ns) >= nanos(self.parameters.target_wait);
+        if appeared || waited {
+            self.activity = Activity::Observing(Observation::default());
+        }
+    }
+
+    fn awaits_refit(&self, moment: &Moment) -> bool {
+        let waited = moment.now_ns.saturating_sub(self.refit_due_ns);
+        self.trainer.refit_number().is_some() && waited < nanos(self.parameters.refit_deadline)
+    }
+
+    /// The arm is at rest and has looked: what now?
+    fn decide(&mut self, sight: Option<Sight>, moment: &Moment) {
+        let parameters = &self.parameters;
+        let progress = &self.progress;
+        let reach = parameters.reached_half_widths * moment.normalisation.half_width_px;
+        let reached = sight.is_some_and(|s| s.view.point_px[0].hypot(s.view.point_px[1]) < reach);
+        // A target that was never seen teaches nothing: do not track with what was not learnt.
+        let trained =
+            progress.moves >= parameters.training_moves && !self.trainer.samples().is_empty();
+        if trained {
+            self.command = Command::GoTo(parameters.home_rad);
+            self.activity = Activity::Homing(Motion::to(parameters.home_rad, moment.now_ns));
+        } else if reached || progress.moves_to_target >= parameters.moves_per_target {
+            self.ask_for_target(sight, moment);
+        } else {
+            self.start_move(sight, moment);
+        }
+    }
+
+    fn ask_for_target(&mut self, sight: Option<Sight>, moment: &Moment) {
+        self.progress.target_index += 1;
+        self.progress.moves_to_target = 0;
+        self.trainer.start_target();
+        let old_px = sight.map(|sight| sight.view.point_px);
+        self.activity = Activity::AwaitingTarget { since_ns: moment.now_ns, old_px };
+    }
+
+    fn start_move(&mut self, sight: Option<Sight>, moment: &Moment) {
+        let goal = match sight {
+            Some(sight) => {
+                self.progress.last_seen_from = sight.view.joints;
+                let displacement = self.next_displacement(&sight.view, moment);
+                // Always from where the arm was when it looked, never from where it is now.
+                let [theta1, theta2] = sight.view.joints;
+                [theta1 + displacement[0], theta2 + displacement[1]]
+            }
+            None => self.progress.last_seen_from,
+        };
+        let goal = self.parameters.into_envelope(goal);
+        // A target that was cut off by the image's edge is good enough to go by, not to learn from.
+        self.trainer.start_move(sight.filter(|sight| sight.whole).map(|sight| sight.view));
+        self.command = Command::GoTo(goal);
+        self.activity = Activity::Moving(Motion::to(goal, moment.now_ns));
+    }
+
+    fn next_displacement(&mut self, view: &View, moment: &Moment) -> [f64; 2] {
+        if self.parameters.bootstrap && self.progress.bootstrap_moves < 2 {
+            self.progress.bootstrap_moves += 1;
+            return match self.progress.bootstrap_moves {
+                1 => [BOOTSTRAP_THETA1_RAD, 0.0],
+                _ if view.joints[1] < THETA2_MIDDLE_RAD => [0.0, BOOTSTRAP_THETA2_RAD],
+                _ => [0.0, -BOOTSTRAP_THETA2_RAD],
+            };
+        }
+        self.displacement(view.point_px, view.joints[1], moment)
+    }
+
+    /// What the network says, rad, shortened to what one command may ask.
+    pub(crate) fn displacement(&self, point_px: [f64; 2], theta2: f64, moment: &Moment) -> [f64; 2] {
+        let input = moment.normalisation.input(point_px, theta2);
+        let output = self.trainer.network().predict(input);
+        self.parameters.shortened(moment.normalisation.displacement(output))
+    }
+}

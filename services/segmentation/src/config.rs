@@ -1,0 +1,51 @@
+//! Section `[segmentation]`.
+
+use pursuit_config::{Checker, Document, Faults, Scope};
+use pursuit_motion::{BlobParameters, Parameters};
+use pursuit_runtime::settings;
+
+/// What segmentation needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// Section `[camera]`.
+    pub camera: settings::Camera,
+    /// The segmenting part of the method's parameters.
+    pub motion: Parameters,
+    /// The bright-blob detector for training.
+    pub blob: BlobParameters,
+}
+
+impl Config {
+    /// Reads and checks what segmentation needs.
+    ///
+    /// # Errors
+    /// All faults of these sections at once.
+    pub fn load(document: &Document) -> Result<Config, Faults> {
+        let checker = Checker::new(document);
+        let config = Config::read(&checker);
+        checker.finish(Scope::ReadSections)?;
+        Ok(config)
+    }
+
+    /// Reads the sections; faults go to the checker.
+    pub fn read(checker: &Checker<'_>) -> Config {
+        let camera = settings::Camera::read(checker);
+        let mut motion = Parameters::default();
+        read(checker, &mut motion);
+        Config { camera, motion, blob: BlobParameters::default() }
+    }
+}
+
+/// Reads `[segmentation]` alone, for who has no camera (`pursuit detect`).
+pub fn read(checker: &Checker<'_>, motion: &mut Parameters) {
+    let section = checker.section("segmentation");
+    let float = |key, range, default: f32| section.float_or(key, range, f64::from(default)) as f32;
+    motion.blob_threshold = float("blob_threshold", 0.1..=100.0, motion.blob_threshold);
+    motion.min_blob_cells = section.integer_or("min_blob_cells", 1..=1024, motion.min_blob_cells);
+    motion.max_blob_cells = section.integer_or("max_blob_cells", 1..=1024, motion.max_blob_cells);
+    if motion.min_blob_cells > motion.max_blob_cells {
+        section.fault("min_blob_cells", "is larger than max_blob_cells");
+    }
+    motion.sum_threshold = float("sum_threshold", 0.0..=0.99, motion.sum_threshold);
+    motion.contrast_cut = float("contrast_cut", 0.0..=1000.0, motion.contrast_cut);
+}

@@ -1,0 +1,270 @@
+//! The simulated cell as one value: physics, vehicle, blob, and where the run stands. Pure: a frame's
+//! command goes in, the next frame's world comes out. Serialisable as a whole, so that a simulator that
+//! was killed goes on to the bit.
+
+use crate::config::CellConfig;
+use crate::evaluation::Evaluation;
+use crate::journal::{MoveRecord, Record};
+use crate::placement::{place_blob, start_pose};
+use pursuit_kinematics::{Arm, Coupling};
+use pursuit_learning::Normalisation;
+use pursuit_messages::payload::{JOINTS, MAX_CYCLES};
+use pursuit_messages::{LearnerState, Phase, SceneKind, WorldCommand, WorldState};
+use pursuit_scene::paths::Vehicle;
+use pursuit_world::{TimedCycle, VehiclePose, World, WorldParameters};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// Step of the vehicle's motion, s: that of the physics.
+const VEHICLE_STEP_S: f64 = 0.001;
+
+/// What stops a cell.
+#[derive(Debug, thiserror::Error)]
+pub enum CellError {
+    /// The arm cannot keep the camera at that height.
+    #[error("arm.camera_height_m: {0}")]
+    Coupling(#[from] pursuit_kinematics::CouplingError),
+    /// The physics cannot be set up or diverged.
+    #[error("physics: {0}")]
+    World(#[from] pursuit_world::WorldError),
+}
+
+/// What does not change in a run.
+pub struct Fixed {
+    config: CellConfig,
+    coupling: Coupling,
+    evaluation: Evaluation,
+}
+
+/// What changes in a run.
+#[derive(Clone, Serialize, Deserialize)]
+pub struct Cell {
+    world: World,
+    vehicle: Vehicle,
+    scene: Scene,
+    blob: [f64; 2],
+    target_index: u32,
+    moves: u32,
+    /// Number of the frame that is exposed now.
+    pub frame: u64,
+    /// Simulated time, ns.
+    pub time_ns: u64,
+    /// Tracking frames answered.
+    pub tracked: u64,
+    /// Chain of SHA-256 over the trajectory so far.
+    trajectory: [u8; 32],
+}
+
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
+enum Scene {
+    Blob,
+    Vehicle,
+}
+
+impl Fixed {
+    /// What the config makes of the cell.
+    ///
+    /// # Errors
+    /// [`CellError::Coupling`].
+    pub fn new(config: &CellConfig) -> Result<Fixed, CellError> {
+        let coupling = Coupling::new(&Arm::puma_like(), config.camera_height_m)?;
+        let half_px = f64::from(config.camera.width) / 2.0;
+        let evaluation = Evaluation::new(&coupling, &config.camera, Normalisation { half_px });
+        Ok(Fixed { config: config.clone(), coupling, evaluation })
+    }
+}
+
+impl Cell {
+    /// The cell at its first exposure.
+    ///
+    /// # Errors
+    /// [`CellError::World`].
+    pub fn new(fixed: &Fixed) -> Result<Cell, CellError> {
+        let config = &fixed.config;
+        let theta = start_pose(&fixed.coupling, config.seed);
+        let world = World::new(&WorldParameters {
+            substeps: config.substeps,
+            camera_height_m: config.camera_height_m,
+            mount_rad: config.camera.mount_rad,
+            start_theta_rad: theta,
+            ..WorldParameters::default()
+        })?;
+        let blob = place_blob(&fixed.coupling, &config.camera, theta, config.seed, 0);
+        let vehicle = Vehicle::new(config.path.clone(), config.mode, config.seed);
+        Ok(Cell {
+            world,
+            vehicle,
+            scene: Scene::Blob,
+            blob,
+            target_index: 0,
+            moves: 0,
+            frame: 0,
+            time_ns: 0,
+            tracked: 0,
+            trajectory: [0; 32],
+        })
+    }
+
+    /// The world now, as the camera and the drives see it.
+    pub fn state(&self) -> WorldState {
+        let camera = self.world.base_from_camera();
+        let issued = self.world.issued();
+        let (scene, position, heading, velocity) = match self.scene {
+            Scene::Blob => (SceneKind::Blob, self.blob, 0.0, [0.0; 2]),
+            Scene::Vehicle => {
+                let pose = self.vehicle.pose();
+                (SceneKind::Vehicle, pose.position, pose.heading, pose.velocity)
+            }
+        };
+        WorldState {
+            time_ns: self.time_ns,
+            exposes: 1,
+            scene: scene as u32,
+            position: self.world.positions(),
+            velocity: self.world.velocities(),
+            issued_position: issued.position,
+            issued_velocity: issued.velocity,
+            camera_position: camera.translation,
+            camera_rotation: camera.rotation,
+            target_position: position,
+            target_heading: heading,
+            target_velocity: velocity,
+            ..WorldState::default()
+        }
+    }
+
+    /// Whether the configured number of tracking frames is done.
+    pub fn is_finished(&self, fixed: &Fixed) -> bool {
+        fixed.config.frames > 0 && self.tracked >= fixed.config.frames
+    }
+
+    /// The trajectory so far, as one number.
+    pub fn trajectory_sha256(&self) -> String {
+        self.trajectory.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Takes the answer to the present frame: what it says of the frame, and of a move that ended with it.
+    /// The drives accept the command; the world does not move yet.
+    ///
+    /// # Errors
+    /// [`CellError::World`] where the drives refuse the command: the arm driver is at fault.
+    pub fn take(
+        &mut self,
+        fixed: &Fixed,
+        command: &WorldCommand,
+        learner: Option<&LearnerState>,
+    ) -> Result<(Record, Option<MoveRecord>), CellError> {
+        let record = self.record(fixed, command);
+        let finished_move = self.finished_move(fixed, command, learner);
+        self.chain();
+        self.accept(fixed, command)?;
+        self.follow_the_lesson(fixed, command);
+        Ok((record, finished_move))
+    }
+
+    /// Moves the world on to `time_ns`.
+    ///
+    /// # Errors
+    /// [`CellError::World`] where the physics diverged.
+    pub fn advance(&mut self, time_ns: u64) -> Result<(), CellError> {
+        let (vehicle, moving) = (&mut self.vehicle, self.scene == Scene::Vehicle);
+        self.world.step_until(time_ns, |_| {
+            moving.then(|| {
+                vehicle.advance(VEHICLE_STEP_S);
+                let pose = vehicle.pose();
+                VehiclePose { position: pose.position, heading: pose.heading }
+            })
+        })?;
+        self.time_ns = time_ns;
+        Ok(())
+    }
+
+    fn record(&self, fixed: &Fixed, command: &WorldCommand) -> Record {
+        let state = self.state();
+        let aim = command.set_point.position;
+        Record {
+            frame: self.frame,
+            time_s: self.time_ns as f64 / 1e9,
+            phase: command.set_point.phase,
+            moves: command.set_point.moves,
+            detected: command.set_point.detected,
+            refusal: command.refusal,
+            camera_m: [state.camera_position[0], state.camera_position[1]],
+            target_m: state.target_position,
+            aimed_m: fixed.coupling.camera_xy(aim[0], aim[1]),
+            ..Record::default()
+        }
+    }
+
+    fn finished_move(
+        &mut self,
+        fixed: &Fixed,
+        command: &WorldCommand,
+        learner: Option<&LearnerState>,
+    ) -> Option<MoveRecord> {
+        if command.set_point.moves <= self.moves {
+            return None;
+        }
+        self.moves = command.set_point.moves;
+        let learner = learner?;
+        let weights = learner.weights.get(..learner.weight_count as usize)?;
+        let error = fixed.evaluation.one_shot_cm(weights)?;
+        let camera = self.world.base_from_camera().translation;
+        Some(MoveRecord {
+            number: self.moves,
+            frame: self.frame,
+            target_index: self.target_index,
+            error_cm: error.median,
+            error_p90_cm: error.p90,
+            arrived_cm: 100.0 * (camera[0] - self.blob[0]).hypot(camera[1] - self.blob[1]),
+            ring: learner.ring,
+            loss: learner.loss,
+            refit_us: learner.refit_ns as f64 / 1e3,
+        })
+    }
+
+    fn accept(&mut self, fixed: &Fixed, command: &WorldCommand) -> Result<(), CellError> {
+        let count = (command.cycle_count as usize).min(MAX_CYCLES);
+        let first = self.time_ns + fixed.config.latency_ns;
+        let mut cycles = [TimedCycle { due_ns: 0, duration_ns: 0, position: [0.0; JOINTS], velocity: [0.0; JOINTS] };
+            MAX_CYCLES];
+        for (index, (timed, cycle)) in cycles.iter_mut().zip(&command.cycles[..count]).enumerate() {
+            *timed = TimedCycle {
+                due_ns: first + (index as u64 + 1) * command.cycle_ns,
+                duration_ns: command.cycle_ns,
+                position: cycle.position,
+                velocity: cycle.velocity,
+            };
+        }
+        Ok(self.world.accept(&cycles[..count])?)
+    }
+
+    /// The helping person: puts the blob elsewhere when the learner is done with it, and the vehicle on
+    /// the table when tracking begins.
+    fn follow_the_lesson(&mut self, fixed: &Fixed, command: &WorldCommand) {
+        let set_point = &command.set_point;
+        let tracking = Phase::from_number(set_point.phase) == Some(Phase::Tracking);
+        if tracking {
+            self.tracked += 1;
+            self.scene = Scene::Vehicle;
+        } else if set_point.target_index > self.target_index {
+            self.target_index = set_point.target_index;
+            let joints = self.world.positions();
+            let config = &fixed.config;
+            let theta = [joints[0], joints[1]];
+            self.blob = place_blob(&fixed.coupling, &config.camera, theta, config.seed, self.target_index);
+        }
+    }
+
+    fn chain(&mut self) {
+        let state = self.state();
+        let mut hash = Sha256::new();
+        hash.update(self.trajectory);
+        hash.update(self.frame.to_le_bytes());
+        let numbers = [state.position.as_slice(), &state.camera_position, &state.target_position];
+        for number in numbers.into_iter().flatten() {
+            hash.update(number.to_bits().to_le_bytes());
+        }
+        self.trajectory.copy_from_slice(&hash.finalize());
+    }
+}

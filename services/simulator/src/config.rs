@@ -1,0 +1,151 @@
+//! Sections `[simulator]` and `[vehicle]`, and the simulated part of `[camera]`.
+
+use pursuit_config::{Checker, Document, Faults, Scope, Section};
+use pursuit_kinematics::Camera;
+use pursuit_runtime::settings;
+use pursuit_scene::paths::{Arena, Disturbance, Mode, Path};
+
+/// Drive cycle of the simulated arm, ns.
+pub const CYCLE_NS: u64 = 10_000_000;
+/// Simulated time from a command to its first effect where none is configured, ms: the paper's delay.
+pub const LATENCY_MS: f64 = 80.0;
+
+/// What the simulator needs.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Section `[run]`.
+    pub run: settings::Run,
+    /// Section `[camera]`.
+    pub camera: settings::Camera,
+    /// What the simulated cell is made of.
+    pub cell: CellConfig,
+}
+
+/// What the simulated cell is made of.
+#[derive(Clone, Debug)]
+pub struct CellConfig {
+    /// Seed of start pose, blob places and the vehicle.
+    pub seed: u64,
+    /// Camera geometry; nothing but the simulator knows it.
+    pub camera: Camera,
+    /// Height of the camera above the table, m.
+    pub camera_height_m: f64,
+    /// Time from one exposure to the next, ns.
+    pub frame_period_ns: u64,
+    /// Time from a command to its first effect, ns.
+    pub latency_ns: u64,
+    /// Physics substeps per millisecond.
+    pub substeps: usize,
+    /// Tracking frames after which the run is over, 0 for never.
+    pub frames: u64,
+    /// Where the vehicle goes.
+    pub path: Path,
+    /// How it keeps to it.
+    pub mode: Mode,
+}
+
+impl Config {
+    /// Reads and checks what the simulator needs.
+    ///
+    /// # Errors
+    /// All faults of these sections at once.
+    pub fn load(document: &Document) -> Result<Config, Faults> {
+        let checker = Checker::new(document);
+        let config = Config::read(&checker);
+        checker.finish(Scope::ReadSections)?;
+        Ok(config)
+    }
+
+    /// Reads the sections; faults go to the checker.
+    pub fn read(checker: &Checker<'_>) -> Config {
+        let run = settings::Run::read(checker);
+        let camera = settings::Camera::read(checker);
+        let lens = checker.section("camera");
+        let geometry = Camera {
+            width: camera.width,
+            height: camera.height,
+            focal_px: lens.float_or("focal_px", 8.0..=1e5, pursuit_scene::parameters::FOCAL_PX),
+            mount_rad: lens.float_or("mount_deg", -180.0..=180.0, 0.0).to_radians(),
+        };
+        if camera.period_ns() % CYCLE_NS != 0 {
+            lens.fault("rate_hz", "the simulator exposes every whole drive cycle of 10 ms: 100, 50, 25, 20, 12.5, 10, …");
+        }
+        let section = checker.section("simulator");
+        let (path, mode) = vehicle(checker);
+        let cell = CellConfig {
+            seed: run.seed,
+            camera: geometry,
+            camera_height_m: checker.section("arm").float_or("camera_height_m", 0.2..=0.8, 0.5),
+            frame_period_ns: camera.period_ns(),
+            latency_ns: (section.float_or("latency_ms", 0.0..=1000.0, LATENCY_MS) * 1e6).round() as u64,
+            substeps: section.integer_or("substeps", 1..=16, 1),
+            frames: section.integer_or("frames", 0..=u64::from(u32::MAX), 0),
+            path,
+            mode,
+        };
+        Config { run, camera, cell }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum PathKind {
+    Circle,
+    FigureEight,
+    Square,
+    RandomWalk,
+}
+
+fn vehicle(checker: &Checker<'_>) -> (Path, Mode) {
+    let section = checker.section("vehicle");
+    let kinds = [
+        ("circle", PathKind::Circle),
+        ("figure-eight", PathKind::FigureEight),
+        ("square", PathKind::Square),
+        ("random-walk", PathKind::RandomWalk),
+    ];
+    let kind = section.choice_or("path", &kinds, PathKind::Circle);
+    let centre = section.floats_or("centre_m", 2, -2.0..=2.0, &[0.63, 0.0]);
+    let centre = [centre[0], centre[1]];
+    let size = section.float_or("radius_m", 0.02..=1.0, 0.20);
+    let speed = section.float_or("speed_m_per_s", 0.0..=1.0, 0.1);
+    let phase = section.float_or("start_phase_deg", -360.0..=360.0, 0.0).to_radians();
+    let path = path(kind, centre, size, speed, phase);
+    let steered = section.choice_or("motion", &[("bicycle", true), ("exact", false)], true);
+    let disturbed = section.flag_or("disturbed", false);
+    check(&section, &path);
+    let mode = match (steered, disturbed) {
+        (false, _) => Mode::Exact,
+        (true, false) => Mode::Bicycle(None),
+        (true, true) => Mode::Bicycle(Some(Disturbance::default())),
+    };
+    (path, mode)
+}
+
+fn path(kind: PathKind, centre: [f64; 2], size: f64, speed_m_per_s: f64, start_phase_rad: f64) -> Path {
+    match kind {
+        PathKind::Circle => {
+            Path::Circle { centre, radius_m: size, speed_m_per_s, clockwise: false, start_phase_rad }
+        }
+        PathKind::FigureEight => Path::FigureEight { centre, half_width_m: size, speed_m_per_s },
+        PathKind::Square => Path::Waypoints {
+            corners: [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]
+                .map(|[x, y]| [centre[0] + x * size, centre[1] + y * size])
+                .to_vec(),
+            corner_radius_m: 0.15 * size,
+            speed_m_per_s,
+        },
+        PathKind::RandomWalk => Path::RandomWalk {
+            arena: Arena {
+                least: [centre[0] - size, centre[1] - size],
+                most: [centre[0] + size, centre[1] + size],
+            },
+            speed_m_per_s,
+        },
+    }
+}
+
+fn check(section: &Section<'_>, path: &Path) {
+    if let Err(error) = path.check() {
+        section.fault("path", error);
+    }
+}

@@ -1,0 +1,53 @@
+//! How good the learnt map is, against the exact one that only the simulator knows.
+
+use pursuit_kinematics::{Camera, Coupling, exact_move};
+use pursuit_learning::{GridCase, GridError, Network, Normalisation, evaluate_grid};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Cases of the evaluation grid (learner.md, head).
+const CASES: usize = 300;
+/// The cases are the same for every run and seed.
+const GRID_SEED: u64 = 12345;
+
+/// The evaluation grid of one cell: points all over the image, angles all over the envelope, within reach.
+pub struct Evaluation {
+    coupling: Coupling,
+    cases: Vec<GridCase>,
+    exact: Vec<[f64; 2]>,
+    normalisation: Normalisation,
+}
+
+impl Evaluation {
+    /// The grid for this arm and camera.
+    pub fn new(coupling: &Coupling, camera: &Camera, normalisation: Normalisation) -> Evaluation {
+        let mut random = ChaCha8Rng::seed_from_u64(GRID_SEED);
+        let [low, high] = coupling.envelope().theta2_rad;
+        let half = [f64::from(camera.width) / 2.0, f64::from(camera.height) / 2.0];
+        let (mut cases, mut exact) = (Vec::with_capacity(CASES), Vec::with_capacity(CASES));
+        while cases.len() < CASES {
+            let theta2 = random.random_range(low..high);
+            let point_px = half.map(|half| half * random.random_range(-1.0..1.0));
+            let Some(answer) = exact_move(coupling, camera, point_px, theta2) else { continue };
+            if (low..=high).contains(&(theta2 + answer[1])) {
+                cases.push(GridCase { point_px, theta2 });
+                exact.push(answer);
+            }
+        }
+        Evaluation { coupling: *coupling, cases, exact, normalisation }
+    }
+
+    /// Distance that one single move of the network leaves between the camera's axis and the target, cm.
+    /// `None` where the weights are no network.
+    pub fn one_shot_cm(&self, weights: &[f64]) -> Option<GridError> {
+        let network = Network::import(weights)?;
+        let error_after = |case: &GridCase, command: [f64; 2]| {
+            let index = self.cases.iter().position(|other| core::ptr::eq(other, case)).unwrap_or(0);
+            let exact = self.exact[index];
+            let reached = self.coupling.camera_xy(command[0], case.theta2 + command[1]);
+            let wanted = self.coupling.camera_xy(exact[0], case.theta2 + exact[1]);
+            100.0 * (reached[0] - wanted[0]).hypot(reached[1] - wanted[1])
+        };
+        Some(evaluate_grid(&network, &self.normalisation, &self.cases, error_after))
+    }
+}

@@ -1,0 +1,196 @@
+//! The clock in lock-step: no frame is passed over, none is answered twice.
+
+use crate::cell::{Cell, Fixed};
+use crate::config::Config;
+use crate::journal::{MoveRecord, Record};
+use pursuit_bus::{Publisher, Subscriber, wait};
+use pursuit_messages::topics::{LearnerStates, WorldCommands, WorldStates};
+use pursuit_messages::{LearnerState, Stamp, WorldCommand};
+use pursuit_runtime::checkpoint::Checkpoint;
+use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
+use pursuit_runtime::settings::Pace;
+use pursuit_runtime::{ServiceError, Station, TICK, place};
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{Seek, SeekFrom, Write};
+
+/// Time after which an unanswered frame is asked for again, ns. An answer takes some ms; a loaded
+/// machine may be slow, and a frame asked for twice is answered twice, the same way.
+const ASK_AGAIN_NS: u64 = 100_000_000;
+/// Lock-step epochs have no start time: the same run has the same epoch.
+const EPOCH: u64 = 1;
+/// Version of what is checkpointed.
+const SCHEMA: u32 = 1;
+/// Room for a checkpoint; a cell takes about 20 kB.
+const CHECKPOINT_BYTES: usize = 1 << 18;
+
+/// A run between two frames: what is checkpointed.
+#[derive(Clone, Serialize, Deserialize)]
+struct Saved {
+    cell: Cell,
+    /// Lengths of journal and move list, bytes: what was written after the checkpoint is cut off again.
+    journal_bytes: u64,
+    moves_bytes: u64,
+}
+
+/// Runs until stopped or finished.
+pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
+    let fixed = Fixed::new(&config.cell).map_err(other)?;
+    let (mut log, mut cell) = Log::open(&station, &fixed)?;
+    let worlds = station.bus.publisher(WorldStates)?;
+    let commands = station.bus.subscriber(WorldCommands)?;
+    let learner = station.bus.subscriber(LearnerStates)?;
+    let anchor_ns = monotonic_ns().saturating_sub(cell.time_ns);
+    while !cell.is_finished(&fixed) {
+        let Some((stamp, command, state)) = ask(&mut station, config, &cell, (&worlds, &commands, &learner))?
+        else {
+            return Ok(());
+        };
+        let (mut record, finished_move) = cell.take(&fixed, &command, state.as_ref()).map_err(other)?;
+        record.take_times(&stamp);
+        station.answered(cell.frame);
+        let next_ns = cell.time_ns + config.cell.frame_period_ns;
+        cell.advance(next_ns).map_err(other)?;
+        cell.frame += 1;
+        log.write(&cell, &record, finished_move)?;
+        if config.run.pace == Pace::Real {
+            sleep_until_ns(anchor_ns + next_ns);
+        }
+    }
+    std::fs::write(station.directory().join(place::TRAJECTORY), cell.trajectory_sha256())
+        .map_err(|e| ServiceError::Other(format!("cannot write the trajectory's hash: {e}")))?;
+    Ok(())
+}
+
+type Ports<'a> =
+    (&'a Publisher<WorldStates>, &'a Subscriber<WorldCommands>, &'a Subscriber<LearnerStates>);
+
+/// Publishes the present frame's world and waits for its command, asking again from time to time; the
+/// learner's state after that frame comes with it. `None` when the service shall stop.
+fn ask(
+    station: &mut Station,
+    config: &Config,
+    cell: &Cell,
+    (worlds, commands, learner): Ports<'_>,
+) -> Result<Option<(Stamp, WorldCommand, Option<LearnerState>)>, ServiceError> {
+    let mut state = cell.state();
+    let stamp = Stamp::new(EPOCH, cell.frame, cell.time_ns, config.camera.shape());
+    let mut asked_ns = 0;
+    while station.turn() {
+        let now = monotonic_ns();
+        if now >= asked_ns + ASK_AGAIN_NS {
+            asked_ns = now;
+            state.attempt += 1;
+            worlds.publish(&stamp, &state)?;
+        } else {
+            worlds.greet_new_readers();
+        }
+        wait(&[commands], TICK)?;
+        while let Some(message) = commands.receive()? {
+            if message.stamp().trace_id == stamp.trace_id {
+                let answer = (*message.stamp(), *message.payload());
+                let state = newest_state(learner, &stamp)?;
+                return Ok(Some((answer.0, answer.1, state)));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// The learner's state for that frame: it is published before the set-point, so it is there.
+fn newest_state(
+    learner: &Subscriber<LearnerStates>,
+    stamp: &Stamp,
+) -> Result<Option<LearnerState>, ServiceError> {
+    let newest = learner.newest()?;
+    Ok(newest.filter(|(message, _)| message.stamp().trace_id == stamp.trace_id).map(|(m, _)| *m.payload()))
+}
+
+/// Journal, move list and checkpoint of a run.
+struct Log {
+    checkpoint: Checkpoint,
+    journal: File,
+    moves: File,
+    journal_bytes: u64,
+    moves_bytes: u64,
+    line: String,
+}
+
+impl Log {
+    /// Opens the files of a run; where there is a checkpoint the run goes on from it.
+    fn open(station: &Station, fixed: &Fixed) -> Result<(Log, Cell), ServiceError> {
+        let folder = station.directory();
+        let (checkpoint, bytes) =
+            Checkpoint::open(&folder.join("simulator.checkpoint"), SCHEMA, CHECKPOINT_BYTES)?;
+        let saved: Option<Saved> = bytes.and_then(|bytes| postcard::from_bytes(&bytes).ok());
+        let open = |name: &str| {
+            File::options()
+                .create(true)
+                .truncate(false)
+                .write(true)
+                .open(folder.join(name))
+                .map_err(|e| ServiceError::Other(format!("cannot write {}: {e}", folder.join(name).display())))
+        };
+        let (journal, moves) = (open(place::JOURNAL)?, open(place::MOVES)?);
+        let mut log =
+            Log { checkpoint, journal, moves, journal_bytes: 0, moves_bytes: 0, line: String::with_capacity(1024) };
+        match saved {
+            Some(saved) => {
+                tracing::info!(frame = saved.cell.frame, "going on from the checkpoint");
+                (log.journal_bytes, log.moves_bytes) = (saved.journal_bytes, saved.moves_bytes);
+                log.cut()?;
+                Ok((log, saved.cell))
+            }
+            None => {
+                log.cut()?;
+                let cell = Cell::new(fixed).map_err(other)?;
+                log.journal_bytes += append(&mut log.journal, &Record::header())?;
+                log.moves_bytes += append(&mut log.moves, MoveRecord::header())?;
+                Ok((log, cell))
+            }
+        }
+    }
+
+    fn cut(&mut self) -> Result<(), ServiceError> {
+        for (file, bytes) in [(&mut self.journal, self.journal_bytes), (&mut self.moves, self.moves_bytes)] {
+            file.set_len(bytes).and_then(|()| file.seek(SeekFrom::End(0))).map_err(other)?;
+        }
+        Ok(())
+    }
+
+    /// Writes down a frame and then the checkpoint behind it.
+    fn write(&mut self, cell: &Cell, record: &Record, moved: Option<MoveRecord>) -> Result<(), ServiceError> {
+        self.line.clear();
+        record.write(&mut self.line);
+        self.journal_bytes += append(&mut self.journal, &self.line)?;
+        if let Some(moved) = moved {
+            self.line.clear();
+            moved.write(&mut self.line);
+            self.moves_bytes += append(&mut self.moves, &self.line)?;
+        }
+        let saved = Saved {
+            cell: cell.clone(),
+            journal_bytes: self.journal_bytes,
+            moves_bytes: self.moves_bytes,
+        };
+        let mut failed = None;
+        self.checkpoint.save(|buffer| {
+            let into = std::mem::take(buffer);
+            match postcard::to_extend(&saved, into) {
+                Ok(filled) => *buffer = filled,
+                Err(error) => failed = Some(error),
+            }
+        })?;
+        failed.map_or(Ok(()), |error| Err(other(error)))
+    }
+}
+
+fn append(file: &mut File, text: &str) -> Result<u64, ServiceError> {
+    file.write_all(text.as_bytes())
+        .map_err(|e| ServiceError::Other(format!("cannot write the run's journal (disk full?): {e}")))?;
+    Ok(text.len() as u64)
+}
+
+fn other(error: impl std::fmt::Display) -> ServiceError {
+    ServiceError::Other(error.to_string())
+}

@@ -1,0 +1,62 @@
+//! What can go wrong with image files; every message is one line and names the file.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// An image file or folder that cannot be used.
+#[derive(Debug, Error)]
+pub enum ImagesError {
+    /// There is nothing at the path.
+    #[error("{}: there is no such folder", .0.display())]
+    NoFolder(PathBuf),
+    /// The path is a file.
+    #[error("{}: is a file, give the folder that holds the images", .0.display())]
+    NotAFolder(PathBuf),
+    /// The operating system refused.
+    #[error("{}: cannot be {action}: {reason}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// `read` or `written`.
+        action: &'static str,
+        /// The operating system's words.
+        reason: String,
+    },
+    /// Not an image, a truncated one, or of a kind that cannot be decoded.
+    #[error("{}: is not a whole image: {reason}", path.display())]
+    Broken {
+        /// The file.
+        path: PathBuf,
+        /// The decoder's words.
+        reason: String,
+    },
+    /// Larger than the limits allow.
+    #[error("{}: is {width}x{height} pixels, at most {max_width}x{max_height} are allowed", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its width in pixels.
+        width: u32,
+        /// Its height in pixels.
+        height: u32,
+        /// The largest width in pixels.
+        max_width: u32,
+        /// The largest height in pixels.
+        max_height: u32,
+    },
+    /// Not of the size of the other frames.
+    #[error("{}: is {width}x{height} pixels, must be {expected_width}x{expected_height}", path.display())]
+    Size {
+        /// The file.
+        path: PathBuf,
+        /// Its width in pixels.
+        width: u32,
+        /// Its height in pixels.
+        height: u32,
+        /// The width that was asked for, in pixels.
+        expected_width: u32,
+        /// The height that was asked for, in pixels.
+        expected_height: u32,
+    },
+}

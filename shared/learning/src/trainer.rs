@@ -1,0 +1,229 @@
+//! Network, ring and random numbers together: learns online from every view, hands out refits, merges
+//! their results.
+//!
+//! The trainer alone owns the weights. One refit is out at a time; the latest wins.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::episode::Episode;
+use crate::network::Network;
+use crate::objective::{mean_error, online_step};
+use crate::refit::{RefitJob, RefitResult};
+use crate::ring::Ring;
+use crate::samples::{Normalisation, Sample, View};
+use crate::settings::Settings;
+
+/// Fewer samples than this are not worth a refit.
+const MIN_REFIT_SAMPLES: usize = 4;
+/// More samples than this arriving before a result make the result too old to be replayed: several moves'.
+const MAX_REPLAYED: usize = 512;
+
+/// What became of a refit's result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Merge {
+    /// It is live.
+    Merged,
+    /// On the ring as it is now the live weights are at least as good.
+    NotBetter,
+    /// It has weights that are not finite or have run away.
+    Unsound,
+    /// Nobody waits for it (any more).
+    Stale,
+}
+
+/// How often what happened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Counters {
+    /// Samples learnt from.
+    pub samples: u64,
+    /// Changes of the weights: online steps and merges.
+    pub version: u64,
+    /// Refits handed out.
+    pub refits_started: u64,
+    /// Refits that went live.
+    pub refits_merged: u32,
+    /// Refits that were not better, or unsound, or too old to be replayed.
+    pub refits_rejected: u32,
+}
+
+/// A refit that is out: enough to build the same job again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Outstanding {
+    number: u64,
+    network: Network,
+    /// Samples learnt online since.
+    arrived: Vec<Sample>,
+}
+
+/// The whole state of learning.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trainer {
+    settings: Settings,
+    network: Network,
+    ring: Ring,
+    episode: Episode,
+    /// A fair choice of the samples of the move under way...
+    kept: Vec<Sample>,
+    /// ...out of this many.
+    of_move: u64,
+    outstanding: Option<Outstanding>,
+    counters: Counters,
+    rng: ChaCha8Rng,
+}
+
+impl Trainer {
+    /// An untrained network. Same settings, seed and inputs: same weights, bit for bit.
+    pub fn new(settings: &Settings, seed: u64) -> Trainer {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        Trainer {
+            settings: *settings,
+            network: Network::random(&mut rng, settings.anchored),
+            ring: Ring::new(settings.memory, settings.retention),
+            episode: Episode::default(),
+            kept: Vec::with_capacity(settings.kept_per_move as usize),
+            of_move: 0,
+            outstanding: None,
+            counters: Counters::default(),
+            rng,
+        }
+    }
+
+    /// The live network.
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// The ring, oldest sample first.
+    pub fn samples(&self) -> &[Sample] {
+        self.ring.samples()
+    }
+
+    /// How often what happened.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Mean error of the live network over the ring, normalised units.
+    pub fn error(&self) -> f64 {
+        mean_error(&self.network, self.ring.samples(), self.settings.huber)
+    }
+
+    /// Another target is there: no pair spans two targets.
+    pub fn start_target(&mut self) {
+        self.episode.start_target();
+    }
+
+    /// A move begins; `start` is what was seen at rest before it.
+    pub fn start_move(&mut self, start: Option<View>) {
+        self.episode.start_move(start);
+        self.kept.clear();
+        self.of_move = 0;
+    }
+
+    /// Learns online from a view during a move: one step of back-propagation for each sample that it
+    /// makes with earlier views. No allocation.
+    pub fn observe(&mut self, view: View, normalisation: &Normalisation) {
+        let samples = self.episode.observe(view, normalisation, &self.settings, &mut self.rng);
+        for mut sample in samples.into_iter().flatten() {
+            self.counters.samples += 1;
+            sample.sequence = self.counters.samples;
+            self.learn_online(sample);
+            self.keep(sample);
+        }
+    }
+
+    /// The move is over: its kept samples go to the ring and a refit becomes due.
+    pub fn finish_move(&mut self) {
+        self.episode.end_move();
+        self.kept.sort_by_key(|sample| sample.sequence);
+        for sample in self.kept.drain(..) {
+            self.ring.admit(sample);
+        }
+        if self.settings.iterations > 0 && self.ring.samples().len() >= MIN_REFIT_SAMPLES {
+            self.counters.refits_started += 1;
+            self.outstanding = Some(Outstanding {
+                number: self.counters.refits_started,
+                network: self.network.clone(),
+                arrived: Vec::new(),
+            });
+        }
+    }
+
+    /// Number of the refit that is due or out: from the end of a move until its result is merged, refused
+    /// or overtaken by the next.
+    pub fn refit_number(&self) -> Option<u64> {
+        self.outstanding.as_ref().map(|outstanding| outstanding.number)
+    }
+
+    /// The job behind [`Trainer::refit_number`]: however often it is asked for, also after a restore, the
+    /// same to the bit (the ring only changes when a move ends, and then the next job takes its place).
+    pub fn refit_job(&self) -> Option<RefitJob> {
+        self.outstanding.as_ref().map(|outstanding| RefitJob {
+            number: outstanding.number,
+            network: outstanding.network.clone(),
+            samples: self.ring.samples().to_vec(),
+            huber: self.settings.huber,
+            iterations: self.settings.iterations,
+        })
+    }
+
+    /// Makes a refit's result live, if it is the one that is waited for, sound, and better than the live
+    /// weights on the ring as it is now. What was learnt online since the job was built is first learnt
+    /// by the result too.
+    pub fn merge(&mut self, result: &RefitResult) -> Merge {
+        let Some(outstanding) = self.outstanding.take_if(|waiting| waiting.number == result.number) else {
+            return Merge::Stale;
+        };
+        let mut candidate = result.network.clone();
+        for sample in &outstanding.arrived {
+            online_step(&mut candidate, sample, self.settings.eta, self.settings.huber);
+        }
+        let verdict = self.judge(&candidate);
+        if verdict == Merge::Merged {
+            self.network = candidate;
+            self.counters.version += 1;
+            self.counters.refits_merged += 1;
+        } else {
+            self.counters.refits_rejected += 1;
+        }
+        verdict
+    }
+
+    fn judge(&self, candidate: &Network) -> Merge {
+        if !candidate.is_sound() || candidate.anchored() != self.network.anchored() {
+            return Merge::Unsound;
+        }
+        let error = mean_error(candidate, self.ring.samples(), self.settings.huber);
+        if error < self.error() { Merge::Merged } else { Merge::NotBetter }
+    }
+
+    fn learn_online(&mut self, sample: Sample) {
+        online_step(&mut self.network, &sample, self.settings.eta, self.settings.huber);
+        self.counters.version += 1;
+        if let Some(outstanding) = &mut self.outstanding {
+            outstanding.arrived.push(sample);
+            if outstanding.arrived.len() > MAX_REPLAYED {
+                self.outstanding = None;
+                self.counters.refits_rejected += 1;
+            }
+        }
+    }
+
+    /// Reservoir sampling: each sample of the move has the same chance to be kept.
+    fn keep(&mut self, sample: Sample) {
+        self.of_move += 1;
+        if self.kept.len() < self.settings.kept_per_move as usize {
+            self.kept.push(sample);
+            return;
+        }
+        let place = self.rng.random_range(0..self.of_move);
+        if let Some(kept) = usize::try_from(place).ok().and_then(|place| self.kept.get_mut(place)) {
+            *kept = sample;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

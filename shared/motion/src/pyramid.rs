@@ -1,0 +1,203 @@
+//! The multi-resolution representation (paper, section 2.2): three times blurred and subsampled.
+//!
+//! Level `k` (1, 2, 3) has every `2^k`-th row and column; its pixel `i` lies at `2^k i` of the frame.
+//! Values are grey levels times 16, 0..=4080, so that all derivatives of a pair fit 16 bits. Outside the
+//! frame its border pixels are repeated. All arithmetic is whole-numbered: every processor gives the
+//! same bits.
+
+use multiversion::multiversion;
+
+use crate::image::Image;
+use crate::parameters::Smoothing;
+
+/// Levels of the pyramid: "three stages of Gaussian blurring and subsampling by factors of 2".
+pub(crate) const LEVELS: usize = 3;
+/// Columns that the vote kernel takes at once; rows are padded to a multiple of it.
+pub(crate) const LANES: usize = 32;
+/// Taps on each side of the widest kernel.
+const RADIUS: usize = 6;
+/// Gaussian of sigma 2 px, radius 6, times 1024: the sums of both directions just fit 32 bits.
+const GAUSSIAN: [u32; 2 * RADIUS + 1] = [2, 9, 28, 66, 124, 181, 204, 181, 124, 66, 28, 9, 2];
+
+/// One level: `height` rows of `width` values, `stride` apart; what pads a row is 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Level {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) stride: usize,
+    pub(crate) values: Vec<i16>,
+}
+
+impl Level {
+    pub(crate) fn new(width: usize, height: usize) -> Level {
+        let stride = width.next_multiple_of(LANES) + LANES;
+        Level { width, height, stride, values: vec![0; stride * height] }
+    }
+
+    #[inline(always)]
+    fn row(&self, y: usize) -> &[i16] {
+        &self.values[y * self.stride..][..self.width]
+    }
+}
+
+/// The three levels of one frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Pyramid {
+    pub(crate) levels: [Level; LEVELS],
+    smoothing: Smoothing,
+    /// Column sums of the row in work, with a kernel's radius of repeated border on both sides.
+    narrow: Vec<u16>,
+    wide: Vec<u32>,
+}
+
+impl Pyramid {
+    /// An empty pyramid for frames of `width` x `height` px.
+    pub(crate) fn new(width: usize, height: usize, smoothing: Smoothing) -> Pyramid {
+        let side = |full: usize, k: usize| full.div_ceil(2 << k);
+        let levels = std::array::from_fn(|k| Level::new(side(width, k), side(height, k)));
+        let sums = width.next_multiple_of(2) + 2 * RADIUS;
+        Pyramid { levels, smoothing, narrow: vec![0; sums], wide: vec![0; sums] }
+    }
+
+    /// Fills the levels from `image` moved by `shift` whole px (right, down): the pixel at (x, y) is the
+    /// image's at (x, y) - shift. A shift costs nothing more.
+    pub(crate) fn build(&mut self, image: &Image<'_>, shift: (i32, i32)) {
+        let [first, second, third] = &mut self.levels;
+        match self.smoothing {
+            Smoothing::Binomial => {
+                halve_frame(image, shift, first, &mut self.narrow);
+                halve_level(first, second, &mut self.narrow);
+                halve_level(second, third, &mut self.narrow);
+            }
+            Smoothing::Gaussian => {
+                let frame = Source { width: image.width(), height: image.height(), shift };
+                halve_wide(frame, |y| image.row(y), 16, first, &mut self.wide);
+                halve_wide(Source::of(first), |y| first.row(y), 20, second, &mut self.wide);
+                halve_wide(Source::of(second), |y| second.row(y), 20, third, &mut self.wide);
+            }
+        }
+    }
+}
+
+/// The five source rows around row `2 y`, repeated at the border.
+#[inline(always)]
+fn five_rows(y: usize, shift: i32, height: usize) -> [usize; 5] {
+    let last = height as i32 - 1;
+    std::array::from_fn(|tap| (2 * y as i32 + tap as i32 - 2 - shift).clamp(0, last) as usize)
+}
+
+/// `[1 4 6 4 1]` (no division).
+#[inline(always)]
+fn binomial(r: [u16; 5]) -> u16 {
+    r[0] + r[4] + 4 * (r[1] + r[3]) + 6 * r[2]
+}
+
+/// Where the source columns lie in the sums of a row: `sums[x + radius + shift]` is column `x`.
+#[inline(always)]
+fn place(width: usize, shift: i32, radius: usize, length: usize) -> (usize, usize, usize) {
+    let offset = radius as i32 + shift;
+    let first = (-offset).max(0) as usize;
+    let last = width.min((length as i32 - offset).max(0) as usize);
+    (first, last.max(first), (first as i32 + offset) as usize)
+}
+
+/// Repeats the border's sums to both ends.
+#[inline(always)]
+fn repeat_border<T: Copy>(sums: &mut [T], from: usize, to: usize) {
+    let (left, right) = (sums[from], sums[to - 1]);
+    sums[..from].fill(left);
+    sums[to..].fill(right);
+}
+
+/// Level 1 from the frame. Vertical sums are below 16 x 255, horizontal below 256 x 255: 16 bits do.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn halve_frame(image: &Image<'_>, shift: (i32, i32), out: &mut Level, sums: &mut [u16]) {
+    let sums = &mut sums[..2 * out.width + 4];
+    let (first, last, at) = place(image.width(), shift.0, 2, sums.len());
+    let n = last - first;
+    for y in 0..out.height {
+        let rows = five_rows(y, shift.1, image.height()).map(|y| &image.row(y)[first..last]);
+        let [r0, r1, r2, r3, r4] = rows.map(|row| &row[..n]);
+        let middle = &mut sums[at..][..n];
+        for x in 0..n {
+            middle[x] = binomial([r0[x], r1[x], r2[x], r3[x], r4[x]].map(u16::from));
+        }
+        repeat_border(sums, at, at + n);
+        let row = &mut out.values[y * out.stride..][..out.width];
+        drop_columns(sums, row);
+    }
+}
+
+/// A level from the one below it. Sums are below 16 x 4080: 16 bits do; rounded in each direction.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn halve_level(source: &Level, out: &mut Level, sums: &mut [u16]) {
+    let sums = &mut sums[..2 * out.width + 4];
+    let n = source.width;
+    for y in 0..out.height {
+        let rows = five_rows(y, 0, source.height).map(|y| source.row(y));
+        let [r0, r1, r2, r3, r4] = rows.map(|row| &row[..n]);
+        let middle = &mut sums[2..][..n];
+        for x in 0..n {
+            middle[x] = (binomial([r0[x], r1[x], r2[x], r3[x], r4[x]].map(|v| v as u16)) + 8) >> 4;
+        }
+        repeat_border(sums, 2, 2 + n);
+        let row = &mut out.values[y * out.stride..][..out.width];
+        drop_columns(sums, row);
+    }
+}
+
+/// Horizontal `[1 4 6 4 1] / 16` at every second column. `sums` has `2 * row.len() + 4` values.
+#[inline(always)]
+fn drop_columns(sums: &[u16], row: &mut [i16]) {
+    let n = row.len();
+    let sums = &sums[..2 * n + 4];
+    for x in 0..n {
+        let taps = [sums[2 * x], sums[2 * x + 1], sums[2 * x + 2], sums[2 * x + 3], sums[2 * x + 4]];
+        row[x] = ((binomial(taps) + 8) >> 4) as i16;
+    }
+}
+
+/// Shape and shift of what [`halve_wide`] reads.
+#[derive(Clone, Copy)]
+struct Source {
+    width: usize,
+    height: usize,
+    shift: (i32, i32),
+}
+
+impl Source {
+    fn of(level: &Level) -> Source {
+        Source { width: level.width, height: level.height, shift: (0, 0) }
+    }
+}
+
+/// The wide kernel, for frames and levels alike; `bits` brings the sums back to 16 steps per grey level.
+fn halve_wide<'a, T: Copy + Into<i32> + 'a>(
+    source: Source,
+    row_of: impl Fn(usize) -> &'a [T],
+    bits: u32,
+    out: &mut Level,
+    sums: &mut [u32],
+) {
+    let sums = &mut sums[..2 * out.width + 2 * RADIUS];
+    let (first, last, at) = place(source.width, source.shift.0, RADIUS, sums.len());
+    let n = last - first;
+    for y in 0..out.height {
+        let middle = &mut sums[at..][..n];
+        middle.fill(0);
+        for (tap, weight) in GAUSSIAN.into_iter().enumerate() {
+            let from = 2 * y as i32 + tap as i32 - RADIUS as i32 - source.shift.1;
+            let row = row_of(from.clamp(0, source.height as i32 - 1) as usize);
+            for (sum, &value) in middle.iter_mut().zip(&row[first..last]) {
+                *sum += weight * value.into() as u32;
+            }
+        }
+        repeat_border(sums, at, at + n);
+        let row = &mut out.values[y * out.stride..][..out.width];
+        for (x, value) in row.iter_mut().enumerate() {
+            let taps = &sums[2 * x..][..GAUSSIAN.len()];
+            let sum: u32 = taps.iter().zip(GAUSSIAN).map(|(s, w)| s * w).sum();
+            *value = ((sum + (1 << (bits - 1))) >> bits) as i16;
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Where an instance lives: names of the files in its run-time directory.
+
+use std::path::{Path, PathBuf};
+
+/// Instance name of `config/sim.toml`, and of the command line where none is given.
+pub const DEFAULT_INSTANCE: &str = "sim";
+
+/// The run-time directory of the instance `name`: below `$PURSUIT_RUN_DIR`, else
+/// `$XDG_RUNTIME_DIR/pursuit`, else `/tmp/pursuit-UID`.
+pub fn directory(name: &str) -> PathBuf {
+    let base = std::env::var_os("PURSUIT_RUN_DIR").map(PathBuf::from).or_else(|| {
+        std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| !dir.is_empty()).map(|dir| Path::new(&dir).join("pursuit"))
+    });
+    base.unwrap_or_else(|| PathBuf::from(format!("/tmp/pursuit-{}", rustix::process::getuid().as_raw())))
+        .join(name)
+}
+
+/// The checked config that all services of a run read.
+pub const CONFIG: &str = "config.toml";
+/// Locked by the supervisor for as long as it lives; holds its pid.
+pub const LOCK: &str = "lock";
+/// The supervisor's control socket.
+pub const CONTROL: &str = "control";
+/// One line per frame of the simulated run.
+pub const JOURNAL: &str = "journal.csv";
+/// One line per training move: what the network was after it.
+pub const MOVES: &str = "moves.csv";
+/// Hash of the whole trajectory, written when a lock-step run is finished.
+pub const TRAJECTORY: &str = "trajectory.sha256";

@@ -1,0 +1,127 @@
+//! A service's place in the system: its bus, its config, its heartbeat, its end.
+
+use crate::clock::monotonic_ns;
+use crate::{logging, place};
+use pursuit_bus::{Bus, BusError, Instance, InstanceError, Publisher};
+use pursuit_config::{Document, Faults};
+use pursuit_messages::topics::Healths;
+use pursuit_messages::{Health, ImageShape, Service, Stamp};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Longest wait of a service's loop: bounds what a lost wake-up costs, and how late a stop is seen.
+pub const TICK: Duration = Duration::from_millis(10);
+/// Period of the heartbeat.
+const BEAT_NS: u64 = 100_000_000;
+/// Set by the supervisor for its children: a service whose parent is another process ends by itself.
+pub const SUPERVISOR_PID: &str = "PURSUIT_SUPERVISOR_PID";
+
+/// Why a service ended.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// Wrong config.
+    #[error("{0}")]
+    Config(#[from] Faults),
+    /// The run-time directory is unusable.
+    #[error(transparent)]
+    Instance(#[from] InstanceError),
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// A checkpoint failed.
+    #[error(transparent)]
+    Checkpoint(#[from] crate::checkpoint::CheckpointError),
+    /// Something else, with a sentence that says what to do.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl ServiceError {
+    /// The exit code for it (see [`crate::exit`]).
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            ServiceError::Config(_) | ServiceError::Instance(_) => crate::exit::DO_NOT_RESTART,
+            ServiceError::Bus(error) if error.is_version() => crate::exit::DO_NOT_RESTART,
+            _ => crate::exit::FAILED,
+        }
+    }
+}
+
+/// Everything a service needs besides its own step.
+pub struct Station {
+    /// The bus of the instance.
+    pub bus: Bus,
+    /// The checked config of the run.
+    pub document: Document,
+    /// What the heartbeat says; the loop counts in it.
+    pub health: Health,
+    directory: PathBuf,
+    service: Service,
+    pulse: Publisher<Healths>,
+    stop: Arc<AtomicBool>,
+    parent: Option<u32>,
+    next_beat_ns: u64,
+}
+
+impl Station {
+    /// Starts logging, reads the config of the run in `directory`, joins the bus and takes over the
+    /// stop signals (SIGTERM, SIGINT).
+    ///
+    /// # Errors
+    /// [`ServiceError`].
+    pub fn start(service: Service, directory: &Path) -> Result<Station, ServiceError> {
+        logging::start();
+        let document = Document::load(&directory.join(place::CONFIG))?;
+        let instance = Instance::at(directory)?;
+        let bus = Bus::join(&instance, service.name())?;
+        let pulse = bus.publisher(Healths)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+            signal_hook::flag::register(signal, Arc::clone(&stop))
+                .map_err(|e| ServiceError::Other(format!("cannot take over signal {signal}: {e}")))?;
+        }
+        let parent = std::env::var(SUPERVISOR_PID).ok().and_then(|text| text.parse().ok());
+        let health = Health { service: service as u32, pid: std::process::id(), ..Health::default() };
+        let directory = directory.to_path_buf();
+        Ok(Station { bus, document, health, directory, service, pulse, stop, parent, next_beat_ns: 0 })
+    }
+
+    /// The run-time directory.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// Which service this is.
+    pub fn service(&self) -> Service {
+        self.service
+    }
+
+    /// One turn of the loop: beats when it is time. `false` means: end now.
+    pub fn turn(&mut self) -> bool {
+        let now = monotonic_ns();
+        if now >= self.next_beat_ns {
+            self.next_beat_ns = now + BEAT_NS;
+            self.beat(now);
+            if self.parent.is_some_and(|pid| std::os::unix::process::parent_id() != pid) {
+                tracing::warn!(service = self.service.name(), "the supervisor is gone: ending");
+                return false;
+            }
+        }
+        !self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Counts a frame as answered.
+    pub fn answered(&mut self, frame: u64) {
+        self.health.frame = frame;
+        self.health.answered += 1;
+    }
+
+    fn beat(&mut self, now: u64) {
+        self.health.time_ns = now;
+        let stamp = Stamp::new(0, self.health.frame, now, ImageShape::default());
+        // A heartbeat that cannot be sent is seen as missing by the supervisor; the loop goes on.
+        let _ = self.pulse.publish(&stamp, &self.health);
+    }
+}

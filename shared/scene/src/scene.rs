@@ -1,0 +1,195 @@
+//! The scene: textures once, then a frame per call.
+
+use crate::coverage::Coverage;
+use crate::levels::Levels;
+use crate::mapping::{Homography, TexturedPlane};
+use crate::parameters::{Lighting, ParameterError, SceneParameters};
+use crate::photometry::Photometry;
+use crate::random::Random;
+use crate::solid::{disc_outline, vehicle_faces};
+use crate::texture::{self, LEAF_MEAN, SMALLEST_TORUS_M};
+use crate::view::{Camera, Kind, View, ViewError};
+use crate::warp::RowScratch;
+
+/// Grey level of the disc: white, with room for the noise.
+pub(crate) const WHITE: f32 = 235.0;
+/// Grey level where a pixel sees no table: above the horizon, or from below.
+const VOID: f32 = LEAF_MEAN as f32;
+/// A camera outside a box sees at most three of its faces.
+const MAX_SURFACES: usize = 3;
+/// The cloth's texture repeats after this many texels, at most.
+const CLOTH_TEXELS: usize = 1024;
+
+/// Streams of the seed.
+const TABLE_STREAM: u64 = 1;
+const VEHICLE_STREAM: u64 = 2;
+const CLOTH_STREAM: u64 = 3;
+const NOISE_STREAM: u64 = 4;
+
+/// Table, cloth, vehicle and disc, and the camera's sensor. Rendering allocates nothing.
+pub struct Scene {
+    parameters: SceneParameters,
+    table: Levels,
+    vehicle: Levels,
+    cloth: Levels,
+    photometry: Photometry,
+    coverage: [Coverage; MAX_SURFACES],
+    scratch: RowScratch,
+    ground: Vec<f32>,
+    surface: Vec<f32>,
+}
+
+/// A face that hides the ground, with the number of its coverage.
+#[derive(Clone, Copy)]
+enum Surface {
+    White,
+    Textured(Homography),
+}
+
+impl Scene {
+    /// Paints and filters the textures: the work of some tenths of a second.
+    ///
+    /// # Panics
+    /// If the parameters do not pass [`SceneParameters::check`].
+    pub fn new(parameters: &SceneParameters) -> Scene {
+        if let Err(error) = parameters.check() {
+            panic!("scene parameters must be checked before use: {error}");
+        }
+        let SceneParameters { seed, texel_m, contrast_sd, .. } = *parameters;
+        let frame = [parameters.width, parameters.height];
+        let prefilter = parameters.profile.prefilter_texels();
+        let levels = |torus| Levels::new(&torus, texel_m, prefilter);
+        let camouflage =
+            |side, stream| levels(texture::camouflage(side, texel_m, contrast_sd, Random::new(seed, stream)));
+        let cloth_side = CLOTH_TEXELS.min(parameters.texture_texels);
+        let mut scene = Scene {
+            table: camouflage(parameters.texture_texels, TABLE_STREAM),
+            vehicle: camouflage(vehicle_texels(parameters), VEHICLE_STREAM),
+            cloth: levels(texture::cloth(cloth_side, texel_m, Random::new(seed, CLOTH_STREAM))),
+            photometry: Photometry::new(frame, parameters.noise_sigma, seed, Random::new(seed, NOISE_STREAM)),
+            coverage: std::array::from_fn(|_| Coverage::new(frame)),
+            scratch: RowScratch::new(parameters.width),
+            ground: vec![0.0; parameters.width],
+            surface: vec![0.0; parameters.width],
+            parameters: parameters.clone(),
+        };
+        scene.photometry.set_lighting(parameters.lighting);
+        scene
+    }
+
+    /// What the scene was made from; its lighting is the current one.
+    pub fn parameters(&self) -> &SceneParameters {
+        &self.parameters
+    }
+
+    /// Changes the light for the frames that follow.
+    ///
+    /// # Errors
+    /// A number out of range; the light then stays as it is.
+    pub fn set_lighting(&mut self, lighting: Lighting) -> Result<(), ParameterError> {
+        lighting.check()?;
+        self.photometry.set_lighting(lighting);
+        self.parameters.lighting = lighting;
+        Ok(())
+    }
+
+    /// Writes the frame that the camera of `view` exposes: rows of `width` grey bytes, `stride` bytes apart; bytes
+    /// between the rows stay as they are. The result depends on the arguments, the parameters and the current
+    /// lighting, and on no earlier frame.
+    ///
+    /// # Errors
+    /// A pose that is none, or pixels that do not hold the frame; nothing is written then.
+    pub fn render(&mut self, view: &View, pixels: &mut [u8], stride: usize) -> Result<(), ViewError> {
+        let (width, height) = (self.parameters.width, self.parameters.height);
+        if stride < width {
+            return Err(ViewError::StrideTooSmall { stride, width });
+        }
+        let needed = (height - 1) * stride + width;
+        if pixels.len() < needed {
+            return Err(ViewError::BufferTooSmall { given: pixels.len(), needed });
+        }
+        let camera = Camera::new(&self.parameters, view)?;
+        let surfaces = self.place_target(&camera, view);
+        let gain = self.photometry.gain_at(view.time_ns);
+        let footprint = |depth: f64| depth.abs() / camera.focal_px;
+        let ground = match view.kind {
+            Kind::Blob => &self.cloth,
+            Kind::Vehicle => &self.table,
+        };
+        let ground_level = ground.choose(footprint(camera.position[2]));
+        let roof_level =
+            self.vehicle.choose(footprint(camera.position[2] - self.parameters.vehicle_size_m[2]));
+        let table = Homography::new(&camera, &TexturedPlane::TABLE);
+        for (y, line) in pixels.chunks_mut(stride).take(height).enumerate() {
+            match &table {
+                Some(table) => self.scratch.draw(table, &ground_level, (y, 0, width), VOID, &mut self.ground),
+                None => self.ground.fill(VOID),
+            }
+            hide_ground(&self.coverage, y, &mut self.surface, &mut self.ground);
+            for (surface, coverage) in surfaces.iter().zip(&self.coverage) {
+                let (Some(surface), Some((from, to, shares))) = (surface, coverage.row(y)) else { continue };
+                match surface {
+                    Surface::White => self.surface[from..to].fill(WHITE),
+                    Surface::Textured(map) => {
+                        self.scratch.draw(map, &roof_level, (y, from, to), VOID, &mut self.surface);
+                    }
+                }
+                add_surface(shares, &self.surface[from..to], &mut self.ground[from..to]);
+            }
+            self.photometry.expose(&self.ground, gain, (view.frame, y), &mut line[..width]);
+        }
+        Ok(())
+    }
+
+    /// Sets the coverages of the faces in sight; those that are `None` cover nothing.
+    fn place_target(&mut self, camera: &Camera, view: &View) -> [Option<Surface>; MAX_SURFACES] {
+        let mut surfaces = [None; MAX_SURFACES];
+        self.coverage.iter_mut().for_each(Coverage::clear);
+        match view.kind {
+            Kind::Blob if camera.position[2] > 0.0 => {
+                let outline = disc_outline(view.target_position, self.parameters.blob_radius_m, camera);
+                self.coverage[0].cover(&outline);
+                surfaces[0] = Some(Surface::White);
+            }
+            Kind::Blob => {}
+            Kind::Vehicle => {
+                let faces =
+                    vehicle_faces(view.target_position, view.target_heading, self.parameters.vehicle_size_m);
+                let in_sight = faces
+                    .iter()
+                    .filter_map(|face| Homography::new(camera, &face.plane).map(|map| (face, map)));
+                for (i, (face, map)) in in_sight.take(MAX_SURFACES).enumerate() {
+                    self.coverage[i].cover(&face.outline(camera));
+                    surfaces[i] = Some(Surface::Textured(map));
+                }
+            }
+        }
+        surfaces
+    }
+}
+
+/// Takes away from the ground what the faces together cover of it.
+fn hide_ground(coverage: &[Coverage], y: usize, hidden: &mut [f32], ground: &mut [f32]) {
+    if coverage.iter().all(|c| c.row(y).is_none()) {
+        return;
+    }
+    hidden.fill(0.0);
+    for (from, to, shares) in coverage.iter().filter_map(|c| c.row(y)) {
+        hidden[from..to].iter_mut().zip(shares).for_each(|(h, share)| *h += share);
+    }
+    ground.iter_mut().zip(hidden).for_each(|(g, h)| *g *= (1.0 - *h).max(0.0));
+}
+
+fn add_surface(shares: &[f32], surface: &[f32], ground: &mut [f32]) {
+    for ((g, &share), &s) in ground.iter_mut().zip(shares).zip(surface) {
+        *g += share * s;
+    }
+}
+
+/// Texels per side for the vehicle: the unfolded box and a margin, a power of two.
+fn vehicle_texels(parameters: &SceneParameters) -> usize {
+    let [length, width, height] = parameters.vehicle_size_m;
+    let unfolded = length.max(width) + 2.0 * height;
+    let least = (1.2 * unfolded).max(1.5 * SMALLEST_TORUS_M) / parameters.texel_m;
+    (least as usize).next_power_of_two()
+}

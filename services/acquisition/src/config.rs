@@ -2,7 +2,7 @@
 
 use pursuit_config::{Checker, Document, Faults, Scope};
 use pursuit_runtime::settings;
-use pursuit_scene::{Lighting, SceneParameters, parameters};
+use pursuit_scene::{CONTRAST_SD, FOCAL_PX, Lighting, NOISE_SIGMA, SceneParameters};
 use std::path::PathBuf;
 
 /// What acquisition needs.
@@ -59,7 +59,10 @@ impl Config {
             section.fault("folder", "is missing: source = \"files\" needs the folder of the images");
         }
         if files && run.clock == settings::Clock::Lockstep {
-            section.fault("source", "\"files\" needs run.clock = \"wall\": only the simulator can keep lock-step");
+            section.fault(
+                "source",
+                "\"files\" needs run.clock = \"wall\": only the simulator can keep lock-step",
+            );
         }
         let source = if files { Source::Files(Files { folder, repeats }) } else { Source::Simulated(scene) };
         Config { run, camera, source }
@@ -73,9 +76,9 @@ fn scene(checker: &Checker<'_>, camera: &settings::Camera, seed: u64) -> ScenePa
         seed,
         width: camera.width as usize,
         height: camera.height as usize,
-        focal_px: section.float_or("focal_px", 8.0..=1e5, parameters::FOCAL_PX),
-        contrast_sd: section.float_or("contrast", 0.0..=73.0, parameters::CONTRAST_SD),
-        noise_sigma: section.float_or("noise", 0.0..=50.0, parameters::NOISE_SIGMA),
+        focal_px: section.float_or("focal_px", 8.0..=1e5, FOCAL_PX),
+        contrast_sd: section.float_or("contrast", 0.0..=73.0, CONTRAST_SD),
+        noise_sigma: section.float_or("noise", 0.0..=50.0, NOISE_SIGMA),
         lighting: Lighting {
             gain: section.float_or("gain", 0.0..=10.0, 1.0),
             vignetting: section.float_or("vignetting", 0.0..=0.5, 0.0),

@@ -89,7 +89,12 @@ impl Camera for FileCamera {
         let newest = if self.settings.repeats { newest } else { newest.min(self.images.len() as u64 - 1) };
         let skipped = newest - self.next;
         self.next = newest + 1;
-        Ok(Some(Exposure { epoch: self.epoch, frame: newest, time_ns: self.epoch + newest * self.period_ns, skipped }))
+        Ok(Some(Exposure {
+            epoch: self.epoch,
+            frame: newest,
+            time_ns: self.epoch + newest * self.period_ns,
+            skipped,
+        }))
     }
 
     fn expose(&mut self, exposure: &Exposure, pixels: &mut [u8]) -> Result<(), CameraError> {

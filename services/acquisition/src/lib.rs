@@ -10,7 +10,7 @@ mod simulated;
 
 pub use camera::{Camera, CameraError, Exposure};
 pub use files::FileCamera;
-pub use simulated::SimulatedCamera;
+pub use simulated::{SimulatedCamera, view_of};
 
 use config::{Config, Source};
 use pursuit_messages::{Service, Stage, Stamp};
@@ -36,12 +36,8 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
                 let mut loan = frames.loan(shape.bytes())?;
                 match camera.expose(&exposure, loan.pixels_mut()) {
                     Ok(()) => {
-                        let stamp = Stamp::new(exposure.epoch, exposure.frame, exposure.time_ns, shape).extended(
-                            Service::Acquisition,
-                            Stage::Expose,
-                            begin,
-                            monotonic_ns(),
-                        );
+                        let stamp = Stamp::new(exposure.epoch, exposure.frame, exposure.time_ns, shape)
+                            .extended(Service::Acquisition, Stage::Expose, begin, monotonic_ns());
                         loan.send(&stamp)?;
                         station.answered(exposure.frame);
                         station.health.skipped += exposure.skipped;

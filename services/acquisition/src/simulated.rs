@@ -36,7 +36,8 @@ impl SimulatedCamera {
             }
             let stamp = message.stamp();
             let skipped = found.map_or(0, |older| older.skipped + 1);
-            found = Some(Exposure { epoch: stamp.epoch, frame: stamp.frame, time_ns: world.time_ns, skipped });
+            found =
+                Some(Exposure { epoch: stamp.epoch, frame: stamp.frame, time_ns: world.time_ns, skipped });
             self.due = Some(*world);
             if self.clock == Clock::Lockstep {
                 break;

@@ -33,10 +33,16 @@ fn with_iterations(mut parameters: Parameters, iterations: u32) -> Parameters {
 
 fn report(name: &str, runs: &[Run]) {
     let moves = |of: &dyn Fn(&Run) -> Option<usize>| {
-        [0.5, 0.9].map(|share| quantile(runs.iter().map(of), share).map_or("-".into(), |m| m.to_string())).join("/")
+        [0.5, 0.9]
+            .map(|share| quantile(runs.iter().map(of), share).map_or("-".into(), |m| m.to_string()))
+            .join("/")
     };
     let centimetres = |of: &dyn Fn(&Run) -> Option<f64>| {
-        [0.5, 0.9].map(|share| quantile(runs.iter().map(of), share).map_or("-".into(), |m| format!("{:.2}", 100.0 * m))).join("/")
+        [0.5, 0.9]
+            .map(|share| {
+                quantile(runs.iter().map(of), share).map_or("-".into(), |m| format!("{:.2}", 100.0 * m))
+            })
+            .join("/")
     };
     println!(
         "{name:28} moves to 3 cm {:6} 1 cm {:6} 5 mm {:6} | after 5 moves {:9} cm, all {:9} cm, p90 {:9} cm | \

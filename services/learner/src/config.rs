@@ -167,7 +167,10 @@ impl Parameters {
             (ITERATIONS.contains(&learning.iterations), "iterations must be 0 to 1000"),
             (ordered(self.theta1_rad), "theta1_rad must be a lower and a higher angle"),
             (ordered(self.theta2_rad), "theta2_rad must be a lower and a higher angle"),
-            (within(home1, self.theta1_rad) && within(home2, self.theta2_rad), "home_rad must be in the envelope"),
+            (
+                within(home1, self.theta1_rad) && within(home2, self.theta2_rad),
+                "home_rad must be in the envelope",
+            ),
             (self.max_displacement_rad.into_iter().all(positive), "max_displacement_rad must be positive"),
             (positive(self.reached_half_widths), "reached_half_widths must be positive"),
             (positive(self.still_rad_per_s), "still_rad_per_s must be positive"),

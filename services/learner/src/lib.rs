@@ -1,12 +1,138 @@
-//! Turns detections into set-points, and learns how to.
+//! Learner: turns detections into set-points, and learns how to while it works.
+//!
+//! A frame's way: TARGET and the joints *at its exposure* → one pure step (network forward, samples,
+//! online backprop) → state saved → LEARNER_STATE, SETPOINT. The batch refit over the ring runs on a
+//! thread of its own while the arm is idle; its result is merged before the next frame is answered.
 //!
 //! [`step`] is the pure answer to one frame; [`config`] its parameters.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod config;
+pub mod history;
 mod moment;
+mod refitter;
 mod rest;
+pub mod section;
 pub mod step;
 mod tracking;
 mod training;
+
+use history::JointHistory;
+use pursuit_bus::{Message, wait};
+use pursuit_messages::topics::{JointStates, LearnerStates, SetPoints, Targets};
+use pursuit_messages::{Service, SetPoint, Stage};
+use pursuit_runtime::checkpoint::Checkpoint;
+use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::settings::Clock;
+use pursuit_runtime::{ServiceError, Station, TICK};
+use refitter::Refitter;
+use section::Config;
+use serde::{Deserialize, Serialize};
+use step::{Input, Learner, Output};
+
+/// Version of the saved state.
+const SCHEMA: u32 = 1;
+/// Room for a saved state; a ring of 100 samples takes about 10 kB.
+const CHECKPOINT_BYTES: usize = 1 << 18;
+/// Longest wait for the joints at a frame's exposure on the wall clock, ns; then the frame is answered
+/// with "hold".
+const JOINTS_PATIENCE_NS: u64 = 100_000_000;
+
+/// What survives a kill: the learner, and the epoch that its frames are of.
+#[derive(Serialize, Deserialize)]
+struct Saved<L> {
+    epoch: u64,
+    learner: L,
+}
+
+/// Runs until stopped.
+///
+/// # Errors
+/// [`ServiceError`] for a wrong config, a bus or a file that fails.
+pub fn run(mut station: Station) -> Result<(), ServiceError> {
+    let config = Config::load(&station.document)?;
+    let (mut checkpoint, saved) =
+        Checkpoint::open(&station.directory().join("learner.checkpoint"), SCHEMA, CHECKPOINT_BYTES)?;
+    let (mut epoch, mut learner) = restore(saved, &config);
+    let mut refitter =
+        Refitter::start().map_err(|e| ServiceError::Other(format!("no thread for refits: {e}")))?;
+    refitter.begin(&learner);
+    let states = station.bus.publisher(LearnerStates)?;
+    let set_points = station.bus.publisher(SetPoints)?;
+    let targets = station.bus.subscriber(Targets)?;
+    let joints = station.bus.subscriber(JointStates)?;
+    let mut history = JointHistory::default();
+    let mut pending: Option<(Message<Targets>, u64)> = None;
+    while station.turn() {
+        wait(&[&targets, &joints], TICK)?;
+        states.greet_new_readers();
+        set_points.greet_new_readers();
+        if let Some((message, passed)) = targets.newest()? {
+            station.health.skipped += passed;
+            pending = Some((message, monotonic_ns()));
+        }
+        while let Some(message) = joints.receive()? {
+            history.take(message.stamp().epoch, message.payload());
+        }
+        let Some((message, since)) = pending.take() else { continue };
+        let begin = monotonic_ns();
+        let stamp = *message.stamp();
+        if stamp.epoch != epoch {
+            tracing::info!(epoch = stamp.epoch, "frame numbers begin again");
+            epoch = stamp.epoch;
+            learner.start_epoch();
+        }
+        let output = match history.at(stamp.epoch, stamp.exposure_ns, config.run.clock) {
+            Some((positions, velocities)) => {
+                refitter.merge_into(&mut learner, config.run.clock == Clock::Lockstep);
+                let mut output = learner.step(&Input {
+                    frame: stamp.frame,
+                    exposure_ns: stamp.exposure_ns,
+                    image: stamp.image,
+                    target: *message.payload(),
+                    joints: positions,
+                    velocities,
+                });
+                output.state.refit_ns = refitter.last_ns();
+                save(&mut checkpoint, epoch, &learner)?;
+                refitter.begin(&learner);
+                output
+            }
+            None if config.run.clock == Clock::Lockstep || begin < since + JOINTS_PATIENCE_NS => {
+                pending = Some((message, since));
+                continue;
+            }
+            None => {
+                station.health.refused += 1;
+                Output { set_point: SetPoint::default(), state: learner.report() }
+            }
+        };
+        states.publish(&stamp, &output.state)?;
+        let stamp = stamp.extended(Service::Learner, Stage::Learn, begin, monotonic_ns());
+        set_points.publish(&stamp, &output.set_point)?;
+        station.answered(stamp.frame);
+    }
+    Ok(())
+}
+
+/// The saved learner, or an untrained one where there is none or it was made with other parameters.
+fn restore(saved: Option<Vec<u8>>, config: &Config) -> (u64, Learner) {
+    let saved: Option<Saved<Learner>> = saved.and_then(|bytes| postcard::from_bytes(&bytes).ok());
+    match saved {
+        Some(saved) if *saved.learner.parameters() == config.parameters => {
+            tracing::info!("going on with what was learnt before");
+            (saved.epoch, saved.learner)
+        }
+        Some(_) => {
+            tracing::warn!("the saved learner has other parameters: starting untrained");
+            (0, Learner::new(&config.parameters, config.run.seed))
+        }
+        None => (0, Learner::new(&config.parameters, config.run.seed)),
+    }
+}
+
+fn save(checkpoint: &mut Checkpoint, epoch: u64, learner: &Learner) -> Result<(), ServiceError> {
+    checkpoint.save_value(&Saved { epoch, learner })?;
+    Ok(())
+}

@@ -128,7 +128,7 @@ impl Learner {
             }
         };
         self.answer = Some(answer);
-        Output { set_point: self.set_point(&answer), state: self.state() }
+        Output { set_point: self.set_point(&answer), state: self.report() }
     }
 
     fn advance(&mut self, moment: &Moment) -> Command {
@@ -221,7 +221,8 @@ impl Learner {
         }
     }
 
-    fn state(&self) -> LearnerState {
+    /// The learner's inside as it is now, for who could not ask it for an answer.
+    pub fn report(&self) -> LearnerState {
         let counters = self.trainer.counters();
         let mut weights = [0.0; MAX_WEIGHTS];
         let weight_count = self.network().export(&mut weights) as u32;

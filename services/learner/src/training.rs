@@ -43,9 +43,8 @@ impl Learner {
     /// The next target is on its way: until it is seen, or time is up, frames may still show the old one.
     pub(crate) fn await_target(&mut self, since_ns: u64, old_px: Option<[f64; 2]>, moment: &Moment) {
         let jump = JUMP_HALF_WIDTHS * moment.normalisation.half_width_px;
-        let is_new = |point: [f64; 2]| {
-            old_px.is_none_or(|old| (point[0] - old[0]).hypot(point[1] - old[1]) > jump)
-        };
+        let is_new =
+            |point: [f64; 2]| old_px.is_none_or(|old| (point[0] - old[0]).hypot(point[1] - old[1]) > jump);
         let appeared = moment.blob.is_some_and(|blob| is_new(blob.view.point_px));
         let waited = moment.now_ns.saturating_sub(since_ns) >= nanos(self.parameters.target_wait);
         if appeared || waited {
@@ -65,8 +64,7 @@ impl Learner {
         let reach = parameters.reached_half_widths * moment.normalisation.half_width_px;
         let reached = sight.is_some_and(|s| s.view.point_px[0].hypot(s.view.point_px[1]) < reach);
         // A target that was never seen teaches nothing: do not track with what was not learnt.
-        let trained =
-            progress.moves >= parameters.training_moves && !self.trainer.samples().is_empty();
+        let trained = progress.moves >= parameters.training_moves && !self.trainer.samples().is_empty();
         if trained {
             self.command = Command::GoTo(parameters.home_rad);
             self.activity = Activity::Homing(Motion::to(parameters.home_rad, moment.now_ns));

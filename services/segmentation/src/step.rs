@@ -50,7 +50,8 @@ impl Segmenter {
         let Some(summary) = summary(votes) else { return target };
         let per_frame = 1.0 / f64::from(votes.interval.max(1));
         let segmentation = segment(&votes.fields, &summary, &self.motion, &mut self.segment_scratch);
-        target.motion = segmentation.target.map_or_else(|_| Detection::default(), |found| message(&found, per_frame));
+        target.motion =
+            segmentation.target.map_or_else(|_| Detection::default(), |found| message(&found, per_frame));
         (target.background_u, target.background_v) =
             (segmentation.background.0 * per_frame, segmentation.background.1 * per_frame);
         target

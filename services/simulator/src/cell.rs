@@ -18,6 +18,9 @@ use sha2::{Digest, Sha256};
 /// Step of the vehicle's motion, s: that of the physics.
 const VEHICLE_STEP_S: f64 = 0.001;
 
+/// Where the vehicle waits during training: off the table.
+const PARKED: VehiclePose = VehiclePose { x_m: 10.0, y_m: 10.0, heading_rad: 0.0 };
+
 /// What stops a cell.
 #[derive(Debug, thiserror::Error)]
 pub enum CellError {
@@ -37,7 +40,7 @@ pub struct Fixed {
 }
 
 /// What changes in a run.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Cell {
     world: World,
     vehicle: Vehicle,
@@ -51,6 +54,8 @@ pub struct Cell {
     pub time_ns: u64,
     /// Tracking frames answered.
     pub tracked: u64,
+    /// The frame answered last.
+    answered: Option<u64>,
     /// Chain of SHA-256 over the trajectory so far.
     trajectory: [u8; 32],
 }
@@ -68,8 +73,8 @@ impl Fixed {
     /// [`CellError::Coupling`].
     pub fn new(config: &CellConfig) -> Result<Fixed, CellError> {
         let coupling = Coupling::new(&Arm::puma_like(), config.camera_height_m)?;
-        let half_px = f64::from(config.camera.width) / 2.0;
-        let evaluation = Evaluation::new(&coupling, &config.camera, Normalisation { half_px });
+        let half_width_px = f64::from(config.camera.width) / 2.0;
+        let evaluation = Evaluation::new(&coupling, &config.camera, Normalisation { half_width_px });
         Ok(Fixed { config: config.clone(), coupling, evaluation })
     }
 }
@@ -84,10 +89,8 @@ impl Cell {
         let theta = start_pose(&fixed.coupling, config.seed);
         let world = World::new(&WorldParameters {
             substeps: config.substeps,
-            camera_height_m: config.camera_height_m,
-            mount_rad: config.camera.mount_rad,
-            start_theta_rad: theta,
-            ..WorldParameters::default()
+            camera_mount_rad: config.camera.mount_rad,
+            ..WorldParameters::starting_at(theta, config.camera_height_m)?
         })?;
         let blob = place_blob(&fixed.coupling, &config.camera, theta, config.seed, 0);
         let vehicle = Vehicle::new(config.path.clone(), config.mode, config.seed);
@@ -101,6 +104,7 @@ impl Cell {
             frame: 0,
             time_ns: 0,
             tracked: 0,
+            answered: None,
             trajectory: [0; 32],
         })
     }
@@ -143,7 +147,8 @@ impl Cell {
         self.trajectory.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// Takes the answer to the present frame: what it says of the frame, and of a move that ended with it.
+    /// Takes the answer to `frame` (in lock-step the present one): what it says of the frame, and of a move
+    /// that ended with it.
     /// The drives accept the command; the world does not move yet.
     ///
     /// # Errors
@@ -151,14 +156,15 @@ impl Cell {
     pub fn take(
         &mut self,
         fixed: &Fixed,
+        frame: u64,
         command: &WorldCommand,
         learner: Option<&LearnerState>,
     ) -> Result<(Record, Option<MoveRecord>), CellError> {
-        let record = self.record(fixed, command);
+        let record = self.record(fixed, frame, command);
         let finished_move = self.finished_move(fixed, command, learner);
         self.chain();
         self.accept(fixed, command)?;
-        self.follow_the_lesson(fixed, command);
+        self.follow_the_lesson(fixed, frame, command);
         Ok((record, finished_move))
     }
 
@@ -169,21 +175,22 @@ impl Cell {
     pub fn advance(&mut self, time_ns: u64) -> Result<(), CellError> {
         let (vehicle, moving) = (&mut self.vehicle, self.scene == Scene::Vehicle);
         self.world.step_until(time_ns, |_| {
-            moving.then(|| {
-                vehicle.advance(VEHICLE_STEP_S);
-                let pose = vehicle.pose();
-                VehiclePose { position: pose.position, heading: pose.heading }
-            })
+            if !moving {
+                return PARKED;
+            }
+            vehicle.advance(VEHICLE_STEP_S);
+            let pose = vehicle.pose();
+            VehiclePose { x_m: pose.position[0], y_m: pose.position[1], heading_rad: pose.heading }
         })?;
         self.time_ns = time_ns;
         Ok(())
     }
 
-    fn record(&self, fixed: &Fixed, command: &WorldCommand) -> Record {
+    fn record(&self, fixed: &Fixed, frame: u64, command: &WorldCommand) -> Record {
         let state = self.state();
         let aim = command.set_point.position;
         Record {
-            frame: self.frame,
+            frame,
             time_s: self.time_ns as f64 / 1e9,
             phase: command.set_point.phase,
             moves: command.set_point.moves,
@@ -226,8 +233,9 @@ impl Cell {
     fn accept(&mut self, fixed: &Fixed, command: &WorldCommand) -> Result<(), CellError> {
         let count = (command.cycle_count as usize).min(MAX_CYCLES);
         let first = self.time_ns + fixed.config.latency_ns;
-        let mut cycles = [TimedCycle { due_ns: 0, duration_ns: 0, position: [0.0; JOINTS], velocity: [0.0; JOINTS] };
-            MAX_CYCLES];
+        let mut cycles =
+            [TimedCycle { due_ns: 0, duration_ns: 0, position: [0.0; JOINTS], velocity: [0.0; JOINTS] };
+                MAX_CYCLES];
         for (index, (timed, cycle)) in cycles.iter_mut().zip(&command.cycles[..count]).enumerate() {
             *timed = TimedCycle {
                 due_ns: first + (index as u64 + 1) * command.cycle_ns,
@@ -241,11 +249,12 @@ impl Cell {
 
     /// The helping person: puts the blob elsewhere when the learner is done with it, and the vehicle on
     /// the table when tracking begins.
-    fn follow_the_lesson(&mut self, fixed: &Fixed, command: &WorldCommand) {
+    fn follow_the_lesson(&mut self, fixed: &Fixed, frame: u64, command: &WorldCommand) {
+        let fresh = self.answered.replace(frame) != Some(frame);
         let set_point = &command.set_point;
         let tracking = Phase::from_number(set_point.phase) == Some(Phase::Tracking);
         if tracking {
-            self.tracked += 1;
+            self.tracked += u64::from(fresh);
             self.scene = Scene::Vehicle;
         } else if set_point.target_index > self.target_index {
             self.target_index = set_point.target_index;

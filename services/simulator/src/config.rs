@@ -64,11 +64,14 @@ impl Config {
         let geometry = Camera {
             width: camera.width,
             height: camera.height,
-            focal_px: lens.float_or("focal_px", 8.0..=1e5, pursuit_scene::parameters::FOCAL_PX),
+            focal_px: lens.float_or("focal_px", 8.0..=1e5, pursuit_scene::FOCAL_PX),
             mount_rad: lens.float_or("mount_deg", -180.0..=180.0, 0.0).to_radians(),
         };
         if camera.period_ns() % CYCLE_NS != 0 {
-            lens.fault("rate_hz", "the simulator exposes every whole drive cycle of 10 ms: 100, 50, 25, 20, 12.5, 10, …");
+            lens.fault(
+                "rate_hz",
+                "the simulator exposes every whole drive cycle of 10 ms: 100, 50, 25, 20, 12.5, 10, …",
+            );
         }
         let section = checker.section("simulator");
         let (path, mode) = vehicle(checker);

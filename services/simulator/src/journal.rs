@@ -6,13 +6,8 @@ use std::fmt::Write as _;
 use std::str::FromStr;
 
 /// Services whose computing and waiting is kept per frame, in the order of the data flow.
-pub const HOPS: [Service; 5] = [
-    Service::Acquisition,
-    Service::Vision,
-    Service::Segmentation,
-    Service::Learner,
-    Service::ArmDriver,
-];
+pub const HOPS: [Service; 5] =
+    [Service::Acquisition, Service::Vision, Service::Segmentation, Service::Learner, Service::ArmDriver];
 
 /// One frame of a run: what was true, what was answered, how long it took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +48,9 @@ impl Record {
     pub fn take_times(&mut self, stamp: &Stamp) {
         let mut last_end = None;
         for passed in stamp.passed() {
-            let Some(hop) = HOPS.iter().position(|service| *service as u16 == passed.service) else { continue };
+            let Some(hop) = HOPS.iter().position(|service| *service as u16 == passed.service) else {
+                continue;
+            };
             self.compute_us[hop] = passed.end_ns.saturating_sub(passed.begin_ns) as f64 / 1e3;
             self.wait_us[hop] = last_end.map_or(0.0, |end| passed.begin_ns.saturating_sub(end) as f64 / 1e3);
             last_end = Some(passed.end_ns);

@@ -8,8 +8,8 @@ pub mod cell;
 pub mod config;
 pub mod evaluation;
 pub mod journal;
-pub mod placement;
 mod lockstep;
+pub mod placement;
 mod wall;
 
 use config::Config;

@@ -25,9 +25,9 @@ const SCHEMA: u32 = 1;
 const CHECKPOINT_BYTES: usize = 1 << 18;
 
 /// A run between two frames: what is checkpointed.
-#[derive(Clone, Serialize, Deserialize)]
-struct Saved {
-    cell: Cell,
+#[derive(Serialize, Deserialize)]
+struct Saved<C> {
+    cell: C,
     /// Lengths of journal and move list, bytes: what was written after the checkpoint is cut off again.
     journal_bytes: u64,
     moves_bytes: u64,
@@ -46,7 +46,8 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
         else {
             return Ok(());
         };
-        let (mut record, finished_move) = cell.take(&fixed, &command, state.as_ref()).map_err(other)?;
+        let (mut record, finished_move) =
+            cell.take(&fixed, cell.frame, &command, state.as_ref()).map_err(other)?;
         record.take_times(&stamp);
         station.answered(cell.frame);
         let next_ns = cell.time_ns + config.cell.frame_period_ns;
@@ -62,8 +63,7 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
     Ok(())
 }
 
-type Ports<'a> =
-    (&'a Publisher<WorldStates>, &'a Subscriber<WorldCommands>, &'a Subscriber<LearnerStates>);
+type Ports<'a> = (&'a Publisher<WorldStates>, &'a Subscriber<WorldCommands>, &'a Subscriber<LearnerStates>);
 
 /// Publishes the present frame's world and waits for its command, asking again from time to time; the
 /// learner's state after that frame comes with it. `None` when the service shall stop.
@@ -122,18 +122,21 @@ impl Log {
         let folder = station.directory();
         let (checkpoint, bytes) =
             Checkpoint::open(&folder.join("simulator.checkpoint"), SCHEMA, CHECKPOINT_BYTES)?;
-        let saved: Option<Saved> = bytes.and_then(|bytes| postcard::from_bytes(&bytes).ok());
+        let saved: Option<Saved<Cell>> = bytes.and_then(|bytes| postcard::from_bytes(&bytes).ok());
         let open = |name: &str| {
-            File::options()
-                .create(true)
-                .truncate(false)
-                .write(true)
-                .open(folder.join(name))
-                .map_err(|e| ServiceError::Other(format!("cannot write {}: {e}", folder.join(name).display())))
+            File::options().create(true).truncate(false).write(true).open(folder.join(name)).map_err(|e| {
+                ServiceError::Other(format!("cannot write {}: {e}", folder.join(name).display()))
+            })
         };
         let (journal, moves) = (open(place::JOURNAL)?, open(place::MOVES)?);
-        let mut log =
-            Log { checkpoint, journal, moves, journal_bytes: 0, moves_bytes: 0, line: String::with_capacity(1024) };
+        let mut log = Log {
+            checkpoint,
+            journal,
+            moves,
+            journal_bytes: 0,
+            moves_bytes: 0,
+            line: String::with_capacity(1024),
+        };
         match saved {
             Some(saved) => {
                 tracing::info!(frame = saved.cell.frame, "going on from the checkpoint");
@@ -168,20 +171,9 @@ impl Log {
             moved.write(&mut self.line);
             self.moves_bytes += append(&mut self.moves, &self.line)?;
         }
-        let saved = Saved {
-            cell: cell.clone(),
-            journal_bytes: self.journal_bytes,
-            moves_bytes: self.moves_bytes,
-        };
-        let mut failed = None;
-        self.checkpoint.save(|buffer| {
-            let into = std::mem::take(buffer);
-            match postcard::to_extend(&saved, into) {
-                Ok(filled) => *buffer = filled,
-                Err(error) => failed = Some(error),
-            }
-        })?;
-        failed.map_or(Ok(()), |error| Err(other(error)))
+        let saved = Saved { cell, journal_bytes: self.journal_bytes, moves_bytes: self.moves_bytes };
+        self.checkpoint.save_value(&saved)?;
+        Ok(())
     }
 }
 

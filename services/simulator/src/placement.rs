@@ -13,7 +13,13 @@ const TRIES: usize = 1000;
 
 /// The place of training target number `index`, m on the table: a function of the seed, the number and
 /// the pose (joints 1 and 2, rad) from which it must be seen.
-pub fn place_blob(coupling: &Coupling, camera: &Camera, theta_rad: [f64; 2], seed: u64, index: u32) -> [f64; 2] {
+pub fn place_blob(
+    coupling: &Coupling,
+    camera: &Camera,
+    theta_rad: [f64; 2],
+    seed: u64,
+    index: u32,
+) -> [f64; 2] {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(u64::from(index) + 1);
     let arm = coupling.arm();

@@ -53,7 +53,7 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
         }
         if let Some((stamp, command)) = newest {
             let (mut record, moved) =
-                cell.take(&fixed, &command, state_of_learner.as_ref()).map_err(other)?;
+                cell.take(&fixed, stamp.frame, &command, state_of_learner.as_ref()).map_err(other)?;
             if last_answered != Some(stamp.frame) {
                 last_answered = Some(stamp.frame);
                 record.frame = stamp.frame;
@@ -83,7 +83,8 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
 
 fn create(station: &Station, name: &str, header: &str) -> Result<std::fs::File, ServiceError> {
     let path = station.directory().join(name);
-    let mut file = std::fs::File::create(&path).map_err(|e| ServiceError::Other(format!("{}: {e}", path.display())))?;
+    let mut file =
+        std::fs::File::create(&path).map_err(|e| ServiceError::Other(format!("{}: {e}", path.display())))?;
     file.write_all(header.as_bytes()).map_err(other)?;
     Ok(file)
 }

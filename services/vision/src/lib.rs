@@ -13,7 +13,7 @@ use probe::Stopwatch;
 use pursuit_bus::{FrameMessage, wait};
 use pursuit_messages::topics::VoteFields;
 use pursuit_messages::{Service, Stage, Votes};
-use pursuit_motion::{Image, Older, VoteEngine};
+use pursuit_motion::{Image, ImageError, Older, Probe, VoteEngine};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
@@ -50,7 +50,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             pairs.take(frame);
             let Some(pair) = pairs.pair() else { continue };
             let mut loan = votes.loan()?;
-            step(&mut engine, &pair, loan.payload_mut()).map_err(ServiceError::Other)?;
+            vote(&mut engine, &pair, loan.payload_mut()).map_err(|e| ServiceError::Other(e.to_string()))?;
             let stamp = pair.newer.stamp().extended(Service::Vision, Stage::Votes, begin, monotonic_ns());
             loan.send(&stamp)?;
             station.answered(stamp.frame);
@@ -61,7 +61,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
 }
 
 /// Votes on the newest pair, straight into the message.
-fn step(engine: &mut VoteEngine, pair: &Pair<'_>, votes: &mut Votes) -> Result<(), String> {
+fn vote(engine: &mut VoteEngine, pair: &Pair<'_>, votes: &mut Votes) -> Result<(), ImageError> {
     let newer = image(pair.newer)?;
     let older = match pair.older {
         None => Older::Missing,
@@ -69,23 +69,34 @@ fn step(engine: &mut VoteEngine, pair: &Pair<'_>, votes: &mut Votes) -> Result<(
         Some(frame) => Older::Frame(image(frame)?),
     };
     let mut watch = Stopwatch::start();
-    let summary = engine.vote(older, newer, &mut votes.fields, &mut watch);
+    step(engine, older, newer, pair.interval, votes, &mut watch);
+    (votes.pyramid_ns, votes.votes_ns, votes.compensation_ns) = watch.parts();
+    Ok(())
+}
+
+/// The pure step: from two frames, `interval` frames apart, to the message.
+pub fn step(
+    engine: &mut VoteEngine,
+    older: Older<'_>,
+    newer: Image<'_>,
+    interval: u32,
+    votes: &mut Votes,
+    probe: &mut impl Probe,
+) {
+    let summary = engine.vote(older, newer, &mut votes.fields, probe);
     votes.valid = u32::from(summary.valid);
     votes.columns = summary.columns as u32;
     votes.rows = summary.rows as u32;
     votes.passes = summary.passes;
     (votes.shift_u, votes.shift_v) = summary.shift;
     votes.cell_px = summary.cell_px;
-    votes.interval = pair.interval;
+    votes.interval = interval;
     votes.coherence = summary.coherence;
     votes.coherence_sum = summary.coherence_sum;
     (votes.background_u, votes.background_v) = summary.background;
-    (votes.pyramid_ns, votes.votes_ns, votes.compensation_ns) = watch.parts();
-    Ok(())
 }
 
-fn image(frame: &FrameMessage) -> Result<Image<'_>, String> {
+fn image(frame: &FrameMessage) -> Result<Image<'_>, ImageError> {
     let shape = frame.stamp().image;
     Image::new(frame.pixels(), shape.width as usize, shape.height as usize, shape.stride as usize)
-        .map_err(|e| e.to_string())
 }

@@ -4,7 +4,9 @@
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The process could not join.
-    #[error("cannot join the bus as {name}: {cause}; is the run-time directory another user's, or on a full disk?")]
+    #[error(
+        "cannot join the bus as {name}: {cause}; is the run-time directory another user's, or on a full disk?"
+    )]
     Join {
         /// Name under which it tried.
         name: String,
@@ -12,7 +14,9 @@ pub enum BusError {
         cause: String,
     },
     /// A running peer has another version of this topic's payload, or other depths.
-    #[error("topic {topic}: a running process speaks another version of it ({cause}); stop it, or start programs of one build")]
+    #[error(
+        "topic {topic}: a running process speaks another version of it ({cause}); stop it, or start programs of one build"
+    )]
     Version {
         /// Name of the topic.
         topic: String,

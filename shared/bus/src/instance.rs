@@ -20,7 +20,9 @@ pub struct Instance {
 #[derive(Debug, thiserror::Error)]
 pub enum InstanceError {
     /// Too long for Unix sockets.
-    #[error("the run-time directory {directory} is {length} bytes long, {MAX_ROOT_AND_PREFIX} is the limit with its prefix (Unix sockets): choose a shorter one with --run-dir")]
+    #[error(
+        "the run-time directory {directory} is {length} bytes long, {MAX_ROOT_AND_PREFIX} is the limit with its prefix (Unix sockets): choose a shorter one with --run-dir"
+    )]
     TooLong {
         /// The directory.
         directory: String,
@@ -28,7 +30,9 @@ pub enum InstanceError {
         length: usize,
     },
     /// Not a name that the transport takes.
-    #[error("the run-time directory {0} has characters that a shared-memory name cannot have; choose another with --run-dir")]
+    #[error(
+        "the run-time directory {0} has characters that a shared-memory name cannot have; choose another with --run-dir"
+    )]
     BadName(String),
     /// The file system refused.
     #[error("the run-time directory {directory}: {cause}")]

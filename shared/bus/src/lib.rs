@@ -23,7 +23,7 @@ pub use port::{
 
 use iceoryx2::prelude::*;
 use pursuit_messages::topics::{self, Quality, Topic};
-use pursuit_messages::{Stamp, StageStamp};
+use pursuit_messages::{StageStamp, Stamp};
 use std::time::Duration;
 
 pub(crate) type Ipc = ipc::Service;

@@ -1,7 +1,9 @@
 //! Writers and readers of topics.
 
 use crate::{Bus, BusError, Ipc, retry};
+use core::cell::Cell;
 use core::fmt::Debug;
+use core::mem::MaybeUninit;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
@@ -9,11 +11,9 @@ use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
-use core::cell::Cell;
-use core::mem::MaybeUninit;
+use pursuit_messages::Stamp;
 use pursuit_messages::stamp::LAYOUT;
 use pursuit_messages::topics::{Frames, Topic};
-use pursuit_messages::Stamp;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
@@ -205,7 +205,9 @@ where
     pub fn receive(&self) -> Result<Option<Message<T>>, BusError> {
         loop {
             match self.subscriber.receive() {
-                Ok(Some(sample)) if sample.user_header().layout == LAYOUT => return Ok(Some(Message { sample })),
+                Ok(Some(sample)) if sample.user_header().layout == LAYOUT => {
+                    return Ok(Some(Message { sample }));
+                }
                 Ok(Some(_)) => self.refused.set(self.refused.get() + 1),
                 Ok(None) => return Ok(None),
                 Err(error) => return Err(receive_error(T::NAME, &error)),

@@ -4,11 +4,14 @@ use std::path::Path;
 
 use crate::{GreyImage, ImagesError, write_png_rgb};
 
+/// Points farther out are no image coordinates (and clipping would lose its precision).
+const FARTHEST: f64 = 1e9;
+
 /// Red, green, blue.
 pub type Colour = [u8; 3];
 
 /// An RGB image to draw on. Points are (u, v) in pixels, u right, v down, (0, 0) the centre of the top-left
-/// pixel. What lies outside is cut off; what is not finite is not drawn.
+/// pixel. What lies outside is cut off; what is not finite or absurdly far out is not drawn.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Canvas {
     width: u32,
@@ -76,11 +79,10 @@ impl Canvas {
         self.line((left, bottom), (left, top), colour);
     }
 
-    /// The outline of a circle (midpoint algorithm); one larger than any image is not drawn.
+    /// The outline of a circle (midpoint algorithm); one that is larger than the image is not drawn.
     pub fn circle(&mut self, centre: (f64, f64), radius: f64, colour: Colour) {
-        /// Beyond this nothing of a circle around a frame's target is of use.
-        const LARGEST: f64 = 10_000.0;
-        if ![centre.0, centre.1, radius].iter().all(|value| value.abs() <= LARGEST) {
+        let largest = f64::from(self.width) + f64::from(self.height);
+        if !(radius.abs() <= largest && centre.0.abs() <= FARTHEST && centre.1.abs() <= FARTHEST) {
             return;
         }
         let (centre_u, centre_v) = (centre.0.round() as i64, centre.1.round() as i64);
@@ -142,13 +144,12 @@ impl Canvas {
     /// loop over its pixels is bounded; `None` when nothing of it is.
     fn clipped(&self, from: (f64, f64), to: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
         let (du, dv) = (to.0 - from.0, to.1 - from.1);
-        if ![from.0, from.1, du, dv].iter().all(|value| value.is_finite()) {
+        if ![from.0, from.1, to.0, to.1].iter().all(|value| value.abs() <= FARTHEST) {
             return None;
         }
         let (right, bottom) = (f64::from(self.width) - 0.5, f64::from(self.height) - 0.5);
         let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-        let sides =
-            [(-du, from.0 + 0.5), (du, right - from.0), (-dv, from.1 + 0.5), (dv, bottom - from.1)];
+        let sides = [(-du, from.0 + 0.5), (du, right - from.0), (-dv, from.1 + 0.5), (dv, bottom - from.1)];
         for (towards, distance) in sides {
             if towards == 0.0 {
                 if distance < 0.0 {
@@ -160,7 +161,7 @@ impl Canvas {
                 leave = leave.min(distance / towards);
             }
         }
-        let at = |t: f64| (from.0 + t * du, from.1 + t * dv);
+        let at = |t: f64| ((from.0 + t * du).clamp(-0.5, right), (from.1 + t * dv).clamp(-0.5, bottom));
         (enter <= leave).then(|| (at(enter), at(leave)))
     }
 }

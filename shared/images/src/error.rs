@@ -45,6 +45,16 @@ pub enum ImagesError {
         /// The largest height in pixels.
         max_height: u32,
     },
+    /// Its pixels take more memory than the limits allow.
+    #[error("{}: takes {bytes} bytes to decode, at most {max_bytes} are allowed", path.display())]
+    Memory {
+        /// The file.
+        path: PathBuf,
+        /// What its pixels take.
+        bytes: u64,
+        /// The most they may take.
+        max_bytes: u64,
+    },
     /// Not of the size of the other frames.
     #[error("{}: is {width}x{height} pixels, must be {expected_width}x{expected_height}", path.display())]
     Size {

@@ -76,9 +76,11 @@ mod tests {
 
     #[test]
     fn numbers_in_names_count_as_numbers() {
-        let mut names = ["f10", "f2", "f1", "f01", "g", "f", "f2a10", "f2a9", "f99999999999999999999999", "f1.png"];
+        let mut names =
+            ["f10", "f2", "f1", "f01", "g", "f", "f2a10", "f2a9", "f99999999999999999999999", "f1.png"];
         names.sort_by(|a, b| natural_order(a.as_bytes(), b.as_bytes()));
-        let expected = ["f", "f01", "f1", "f1.png", "f2", "f2a9", "f2a10", "f10", "f99999999999999999999999", "g"];
+        let expected =
+            ["f", "f01", "f1", "f1.png", "f2", "f2a9", "f2a10", "f10", "f99999999999999999999999", "g"];
         assert_eq!(names, expected);
     }
 }

@@ -26,14 +26,14 @@ pub struct Limits {
     pub max_width: u32,
     /// Largest height in pixels.
     pub max_height: u32,
-    /// Most bytes that decoding may allocate.
+    /// Most bytes that the decoded pixels may take, and again what the decoder may allocate beside them.
     pub max_bytes: u64,
 }
 
 impl Default for Limits {
-    /// 4096x4096 pixels, and memory for one of them in 16 bit colour with transparency, twice over.
+    /// 4096x4096 pixels, and memory for them in 32 bit colour with transparency (the widest there is).
     fn default() -> Limits {
-        Limits { max_width: 4096, max_height: 4096, max_bytes: 2 * 8 * 4096 * 4096 }
+        Limits { max_width: 4096, max_height: 4096, max_bytes: 16 * 4096 * 4096 }
     }
 }
 
@@ -46,7 +46,13 @@ pub fn load_grey(path: &Path, limits: Limits) -> Result<GreyImage, ImagesError> 
     let grey = decode(path, limits, |width, height| {
         if width > limits.max_width || height > limits.max_height {
             let Limits { max_width, max_height, .. } = limits;
-            return Err(ImagesError::TooLarge { path: path.to_owned(), width, height, max_width, max_height });
+            return Err(ImagesError::TooLarge {
+                path: path.to_owned(),
+                width,
+                height,
+                max_width,
+                max_height,
+            });
         }
         Ok(())
     })?;
@@ -62,7 +68,11 @@ pub fn load_grey(path: &Path, limits: Limits) -> Result<GreyImage, ImagesError> 
 /// # Panics
 /// When `pixels` has not `width * height` bytes.
 pub fn load_grey_into(path: &Path, pixels: &mut [u8], width: u32, height: u32) -> Result<(), ImagesError> {
-    assert_eq!(pixels.len() as u64, u64::from(width) * u64::from(height), "the buffer is not of the image's size");
+    assert_eq!(
+        pixels.len() as u64,
+        u64::from(width) * u64::from(height),
+        "the buffer is not of the image's size"
+    );
     let (expected_width, expected_height) = (width, height);
     let grey = decode(path, Limits::default(), |width, height| {
         if (width, height) != (expected_width, expected_height) {
@@ -108,6 +118,10 @@ fn decode(
     check_size(width, height)?;
     if width == 0 || height == 0 {
         return Err(broken(&format_args!("it is {width}x{height} pixels")));
+    }
+    let (bytes, max_bytes) = (decoder.total_bytes(), limits.max_bytes);
+    if bytes > max_bytes {
+        return Err(ImagesError::Memory { path: path.to_owned(), bytes, max_bytes });
     }
     let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error))?;
     Ok(image.into_luma8())

@@ -2,7 +2,9 @@ use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, LumaA, Rgb, Rgba};
 
-use crate::{Canvas, GreyImage, ImagesError, Limits, list, load_grey, load_grey_into, write_png_grey, write_png_rgb};
+use crate::{
+    Canvas, GreyImage, ImagesError, Limits, list, load_grey, load_grey_into, write_png_grey, write_png_rgb,
+};
 
 /// A folder of its own for one test, removed at its end.
 struct Folder(PathBuf);
@@ -57,20 +59,30 @@ fn images_of_every_kind_and_depth_come_as_the_same_grey() {
         ("grey16", ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| Luma([scale(ramp(u, v))])).into()),
         ("rgb8", ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| Rgb([ramp(u, v); 3])).into()),
         ("rgb16", ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| Rgb([scale(ramp(u, v)); 3])).into()),
-        ("rgba8", ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| {
-            let grey = ramp(u, v);
-            Rgba([grey, grey, grey, 9])
-        }).into()),
-        ("rgba16", ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| {
-            let grey = scale(ramp(u, v));
-            Rgba([grey, grey, grey, 9])
-        }).into()),
+        (
+            "rgba8",
+            ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| {
+                let grey = ramp(u, v);
+                Rgba([grey, grey, grey, 9])
+            })
+            .into(),
+        ),
+        (
+            "rgba16",
+            ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| {
+                let grey = scale(ramp(u, v));
+                Rgba([grey, grey, grey, 9])
+            })
+            .into(),
+        ),
         ("greya8", ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| LumaA([ramp(u, v), 9])).into()),
         ("greya16", ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| LumaA([scale(ramp(u, v)), 9])).into()),
     ];
     let mut written = 0;
     for (kind, image) in images {
-        for (ending, format) in [("png", ImageFormat::Png), ("tif", ImageFormat::Tiff), ("pnm", ImageFormat::Pnm)] {
+        for (ending, format) in
+            [("png", ImageFormat::Png), ("tif", ImageFormat::Tiff), ("pnm", ImageFormat::Pnm)]
+        {
             let path = folder.file(&format!("{kind}.{ending}"));
             // Not every format holds every kind of pixel.
             if image.save_with_format(&path, format).is_err() {
@@ -168,7 +180,8 @@ fn an_image_beyond_the_limits_is_refused_before_it_is_decoded() {
     let image = ramp_image();
     write_png_grey(&path, image.width, image.height, &image.pixels).unwrap();
     let tight = Limits { max_bytes: 100, ..Limits::default() };
-    assert!(matches!(load_grey(&path, tight), Err(ImagesError::Broken { .. })));
+    let error = load_grey(&path, tight).unwrap_err().to_string();
+    assert!(error.ends_with("takes 273 bytes to decode, at most 100 are allowed"), "{error}");
 }
 
 #[test]
@@ -181,7 +194,7 @@ fn truncated_and_mangled_files_give_an_error_or_an_image_but_never_a_panic() {
         let mut whole = std::io::Cursor::new(Vec::new());
         image.write_to(&mut whole, format).unwrap();
         let whole = whole.into_inner();
-        for end in (0..whole.len()).step_by(5) {
+        for end in (0..whole.len()).step_by(11) {
             std::fs::write(&path, &whole[..end]).unwrap();
             let _ = grey(&path);
         }
@@ -191,7 +204,7 @@ fn truncated_and_mangled_files_give_an_error_or_an_image_but_never_a_panic() {
             complaint(&path);
         }
         let mut seed = 7_u32;
-        for _ in 0..500 {
+        for _ in 0..150 {
             let mut bytes = whole.clone();
             for _ in 0..4 {
                 seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -207,7 +220,9 @@ fn truncated_and_mangled_files_give_an_error_or_an_image_but_never_a_panic() {
 #[test]
 fn a_folder_lists_its_images_in_natural_order_and_nothing_else() {
     let folder = Folder::new("list");
-    for name in ["f10.png", "f2.PNG", "f1.jpg", "f3.tiff", "f4.pgm", "meta.json", "png", ".hidden.png", "f0.txt"] {
+    for name in
+        ["f10.png", "f2.PNG", "f1.jpg", "f3.tiff", "f4.pgm", "meta.json", "png", ".hidden.png", "f0.txt"]
+    {
         std::fs::write(folder.file(name), b"").unwrap();
     }
     std::fs::create_dir(folder.file("f5.png")).unwrap();
@@ -222,7 +237,10 @@ fn a_folder_lists_its_images_in_natural_order_and_nothing_else() {
 fn a_folder_that_is_missing_or_a_file_is_named() {
     let folder = Folder::new("nofolder");
     let missing = folder.file("gone");
-    assert_eq!(list(&missing).unwrap_err().to_string(), format!("{}: there is no such folder", missing.display()));
+    assert_eq!(
+        list(&missing).unwrap_err().to_string(),
+        format!("{}: there is no such folder", missing.display())
+    );
     std::fs::write(&missing, b"").unwrap();
     let error = list(&missing).unwrap_err().to_string();
     assert_eq!(error, format!("{}: is a file, give the folder that holds the images", missing.display()));
@@ -263,9 +281,11 @@ fn shapes_are_where_they_should_be() {
     assert_eq!(drawn(&canvas), [(1, 2), (2, 2), (3, 2), (1, 3), (3, 3), (1, 4), (2, 4), (3, 4)]);
     let mut canvas = blank();
     canvas.circle((10.0, 5.0), 4.0, RED);
-    assert!(drawn(&canvas).iter().all(|&(u, v)| {
-        ((f64::from(u) - 10.0).hypot(f64::from(v) - 5.0) - 4.0).abs() <= 0.6
-    }));
+    assert!(
+        drawn(&canvas)
+            .iter()
+            .all(|&(u, v)| { ((f64::from(u) - 10.0).hypot(f64::from(v) - 5.0) - 4.0).abs() <= 0.6 })
+    );
     assert!(drawn(&canvas).len() >= 20);
     let mut canvas = blank();
     canvas.arrow((2.0, 5.0), (10.0, 0.0), RED);
@@ -280,7 +300,7 @@ fn shapes_are_where_they_should_be() {
 #[test]
 fn what_lies_outside_is_cut_off_and_what_is_not_finite_is_not_drawn() {
     let mut canvas = blank();
-    canvas.line((-1e12, 5.0), (1e12, 5.0), RED);
+    canvas.line((-1e9, 5.0), (1e9, 5.0), RED);
     assert_eq!(drawn(&canvas), (0..20).map(|u| (u, 5)).collect::<Vec<_>>());
     let mut canvas = blank();
     canvas.line((-5.0, -5.0), (40.0, 40.0), RED);
@@ -295,7 +315,7 @@ fn what_lies_outside_is_cut_off_and_what_is_not_finite_is_not_drawn() {
         canvas.arrow((50.0, 50.0), (bad, bad), RED);
         canvas.rectangle((bad, bad), (2.0, 2.0), RED);
     }
-    assert!(drawn(&canvas).iter().all(|&(_, v)| v == 4), "only the cross of infinite arms may show");
+    assert!(drawn(&canvas).is_empty());
     canvas.circle((0.0, 0.0), 3.0, RED);
     canvas.rectangle((-3.0, -3.0), (100.0, 100.0), RED);
 }

@@ -40,7 +40,11 @@ fn write(
 ) -> Result<(), ImagesError> {
     let bytes_per_pixel = u64::from(colour.bits_per_pixel() / 8);
     let bytes = u64::from(width) * u64::from(height) * bytes_per_pixel;
-    assert!(bytes > 0 && pixels.len() as u64 == bytes, "{width}x{height} pixels do not take {}", pixels.len());
+    assert!(
+        bytes > 0 && pixels.len() as u64 == bytes,
+        "{width}x{height} pixels do not take {}",
+        pixels.len()
+    );
     let unwritable = |reason: String| ImagesError::Io { path: path.to_owned(), action: "written", reason };
     let file = File::create(path).map_err(|error| unwritable(error.to_string()))?;
     let mut writer = BufWriter::new(file);

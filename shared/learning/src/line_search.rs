@@ -99,8 +99,11 @@ impl<const N: usize> Line<'_, N> {
 /// Where the slope would vanish if it went on as between the two cuts.
 fn extrapolated(previous: Cut, here: Cut) -> f64 {
     let bend = previous.slope - here.slope;
-    let step =
-        if bend < 0.0 { here.step + (here.step - previous.step) * here.slope / bend } else { 3.0 * here.step };
+    let step = if bend < 0.0 {
+        here.step + (here.step - previous.step) * here.slope / bend
+    } else {
+        3.0 * here.step
+    };
     step.clamp(GROWTH.0 * here.step, GROWTH.1 * here.step)
 }
 
@@ -146,7 +149,8 @@ mod tests {
 
     #[test]
     fn not_a_number_counts_as_too_far() {
-        let cliff = |x: f64| if x > 1.0 { (f64::NAN, f64::NAN) } else { ((x - 0.9).powi(2), 2.0 * (x - 0.9)) };
+        let cliff =
+            |x: f64| if x > 1.0 { (f64::NAN, f64::NAN) } else { ((x - 0.9).powi(2), 2.0 * (x - 0.9)) };
         let trial = search(cliff, 8.0).unwrap();
         assert!((trial.step - 0.9).abs() < 0.1);
     }

@@ -128,7 +128,9 @@ impl Network {
         }
         let (error, slope) = error_of([output[0] - taught[0], output[1] - taught[1]]);
         let (units, offset) = gradient.split_at_mut(PER_UNIT * HIDDEN);
-        for ((g, unit), a) in units.as_chunks_mut::<PER_UNIT>().0.iter_mut().zip(&self.units).zip(&activations) {
+        for ((g, unit), a) in
+            units.as_chunks_mut::<PER_UNIT>().0.iter_mut().zip(&self.units).zip(&activations)
+        {
             let back = unit[4] * slope[0] + unit[5] * slope[1];
             let here = back * (1.0 - a.here * a.here);
             // The anchor's share: an un-anchored unit has none.

@@ -199,13 +199,7 @@ impl VoteEngine {
         coherence(&sums)
     }
 
-    fn summary(
-        &self,
-        valid: bool,
-        shift: (i32, i32),
-        passes: u32,
-        coherence: [f64; FIELDS],
-    ) -> VoteSummary {
+    fn summary(&self, valid: bool, shift: (i32, i32), passes: u32, coherence: [f64; FIELDS]) -> VoteSummary {
         let rest = translation(&coherence, self.parameters.floor);
         VoteSummary {
             valid,
@@ -245,10 +239,9 @@ pub enum EngineError {
 impl fmt::Display for EngineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            EngineError::Size { width, height } => write!(
-                f,
-                "frames are {width}x{height} px; each side must be {MIN_SIDE} to {MAX_SIDE} px"
-            ),
+            EngineError::Size { width, height } => {
+                write!(f, "frames are {width}x{height} px; each side must be {MIN_SIDE} to {MAX_SIDE} px")
+            }
             EngineError::Grid(error) => error.fmt(f),
             EngineError::Parameter(error) => error.fmt(f),
         }

@@ -95,10 +95,9 @@ pub enum ImageError {
 impl fmt::Display for ImageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            ImageError::Size { width, height } => write!(
-                f,
-                "the image is {width}x{height} px; each side must be {MIN_SIDE} to {MAX_SIDE} px"
-            ),
+            ImageError::Size { width, height } => {
+                write!(f, "the image is {width}x{height} px; each side must be {MIN_SIDE} to {MAX_SIDE} px")
+            }
             ImageError::Stride { stride, width } => {
                 write!(f, "the image's rows are {stride} bytes apart but {width} px wide")
             }

@@ -76,7 +76,11 @@ pub struct SegmentScratch {
 impl SegmentScratch {
     /// For any grid.
     pub fn new() -> SegmentScratch {
-        SegmentScratch { flood: Flood::new(MAX_CELLS), sum: [0.0; MAX_CELLS], target: Vec::with_capacity(MAX_CELLS) }
+        SegmentScratch {
+            flood: Flood::new(MAX_CELLS),
+            sum: [0.0; MAX_CELLS],
+            target: Vec::with_capacity(MAX_CELLS),
+        }
     }
 }
 

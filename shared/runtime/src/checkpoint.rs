@@ -34,6 +34,9 @@ pub enum CheckpointError {
         #[source]
         cause: io::Error,
     },
+    /// The state cannot be encoded.
+    #[error("the state cannot be encoded: {0}")]
+    Encoding(#[from] postcard::Error),
     /// The state is larger than a slot.
     #[error("a state of {bytes} bytes does not fit a checkpoint of {slot} bytes")]
     TooLarge {
@@ -51,9 +54,14 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`CheckpointError::Io`].
-    pub fn open(path: &Path, schema: u32, capacity: usize) -> Result<(Checkpoint, Option<Vec<u8>>), CheckpointError> {
+    pub fn open(
+        path: &Path,
+        schema: u32,
+        capacity: usize,
+    ) -> Result<(Checkpoint, Option<Vec<u8>>), CheckpointError> {
         let io = |cause| CheckpointError::Io { path: path.display().to_string(), cause };
-        let mut file = File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(io)?;
+        let mut file =
+            File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(io)?;
         let slot_bytes = capacity + HEADER;
         let mut whole = Vec::new();
         file.read_to_end(&mut whole).map_err(io)?;
@@ -67,6 +75,19 @@ impl Checkpoint {
         };
         let buffer = Vec::with_capacity(slot_bytes);
         Ok((Checkpoint { file, schema, slot_bytes, sequence, buffer }, state))
+    }
+
+    /// Saves a value, in postcard's encoding.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::save`]; [`CheckpointError::Encoding`].
+    pub fn save_value(&mut self, value: &impl serde::Serialize) -> Result<(), CheckpointError> {
+        let mut outcome = Ok(());
+        self.save(|buffer| match postcard::to_extend(value, std::mem::take(buffer)) {
+            Ok(filled) => *buffer = filled,
+            Err(error) => outcome = Err(error),
+        })?;
+        Ok(outcome?)
     }
 
     /// Saves what `write` puts into the buffer; nothing is allocated once the buffer has grown.

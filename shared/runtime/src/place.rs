@@ -9,7 +9,9 @@ pub const DEFAULT_INSTANCE: &str = "sim";
 /// `$XDG_RUNTIME_DIR/pursuit`, else `/tmp/pursuit-UID`.
 pub fn directory(name: &str) -> PathBuf {
     let base = std::env::var_os("PURSUIT_RUN_DIR").map(PathBuf::from).or_else(|| {
-        std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| !dir.is_empty()).map(|dir| Path::new(&dir).join("pursuit"))
+        std::env::var_os("XDG_RUNTIME_DIR")
+            .filter(|dir| !dir.is_empty())
+            .map(|dir| Path::new(&dir).join("pursuit"))
     });
     base.unwrap_or_else(|| PathBuf::from(format!("/tmp/pursuit-{}", rustix::process::getuid().as_raw())))
         .join(name)
@@ -27,3 +29,5 @@ pub const JOURNAL: &str = "journal.csv";
 pub const MOVES: &str = "moves.csv";
 /// Hash of the whole trajectory, written when a lock-step run is finished.
 pub const TRAJECTORY: &str = "trajectory.sha256";
+/// Held (shared) by every service as long as it lives: who can lock it alone knows that none is left.
+pub const SERVICES_LOCK: &str = "services.lock";

@@ -63,6 +63,8 @@ pub struct Station {
     stop: Arc<AtomicBool>,
     parent: Option<u32>,
     next_beat_ns: u64,
+    /// Says that a service of this instance lives; the kernel gives it back with the process.
+    _alive: std::fs::File,
 }
 
 impl Station {
@@ -75,6 +77,7 @@ impl Station {
         logging::start();
         let document = Document::load(&directory.join(place::CONFIG))?;
         let instance = Instance::at(directory)?;
+        let alive = share_services_lock(directory)?;
         let bus = Bus::join(&instance, service.name())?;
         let pulse = bus.publisher(Healths)?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -85,7 +88,18 @@ impl Station {
         let parent = std::env::var(SUPERVISOR_PID).ok().and_then(|text| text.parse().ok());
         let health = Health { service: service as u32, pid: std::process::id(), ..Health::default() };
         let directory = directory.to_path_buf();
-        Ok(Station { bus, document, health, directory, service, pulse, stop, parent, next_beat_ns: 0 })
+        Ok(Station {
+            bus,
+            document,
+            health,
+            directory,
+            service,
+            pulse,
+            stop,
+            parent,
+            next_beat_ns: 0,
+            _alive: alive,
+        })
     }
 
     /// The run-time directory.
@@ -124,4 +138,20 @@ impl Station {
         // A heartbeat that cannot be sent is seen as missing by the supervisor; the loop goes on.
         let _ = self.pulse.publish(&stamp, &self.health);
     }
+}
+
+/// Shares the lock of all services; waits while a supervisor sweeps the directory.
+fn share_services_lock(directory: &Path) -> Result<std::fs::File, ServiceError> {
+    let path = directory.join(place::SERVICES_LOCK);
+    let cannot =
+        |cause: std::io::Error| ServiceError::Other(format!("cannot lock {}: {cause}", path.display()));
+    let file = std::fs::File::options()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&path)
+        .map_err(cannot)?;
+    rustix::fs::flock(&file, rustix::fs::FlockOperation::LockShared).map_err(|e| cannot(e.into()))?;
+    Ok(file)
 }

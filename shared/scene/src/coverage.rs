@@ -9,6 +9,8 @@ const MARGIN: f64 = 3.0;
 ///
 /// [`PSF_SIGMA_PX`]: crate::levels::PSF_SIGMA_PX
 const NEIGHBOUR: f32 = 1.0 / 12.0;
+/// Smaller shares are the rounding of sums that should be zero.
+const LEAST_SHARE: f32 = 1e-5;
 
 /// A convex polygon of fixed capacity.
 #[derive(Clone, Copy, Debug)]
@@ -126,16 +128,16 @@ impl Coverage {
         self.blur();
     }
 
-    /// The columns `from..to` of row `y` that are covered, clipped to the frame, with their shares.
+    /// The columns `from..to` of row `y` in which something is covered, within the frame, with their shares.
     pub(crate) fn row(&self, y: usize) -> Option<(usize, usize, &[f32])> {
         let line = usize::try_from(y as i32 - self.top).ok().filter(|&line| line < self.height)?;
-        let from = self.left.max(0);
-        let to = (self.left + self.width as i32).min(self.frame[0] as i32);
-        if from >= to {
-            return None;
-        }
-        let start = line * self.width + (from - self.left) as usize;
-        Some((from as usize, to as usize, &self.blurred[start..start + (to - from) as usize]))
+        let first = (-self.left).max(0) as usize;
+        let end = usize::try_from(self.frame[0] as i32 - self.left).unwrap_or(0).min(self.width);
+        let row = &self.blurred[line * self.width..(line + 1) * self.width];
+        let first = first + row.get(first..end)?.iter().position(|&share| share > 0.0)?;
+        let end = first + row[first..end].iter().rposition(|&share| share > 0.0)? + 1;
+        let column = |i: usize| (i as i32 + self.left) as usize;
+        Some((column(first), column(end), &row[first..end]))
     }
 
     /// Adds what the edge from `p` to `q` changes from each pixel to the next: the signed area to its right.
@@ -166,7 +168,8 @@ impl Coverage {
             let mut sum = 0.0;
             for share in row {
                 sum += *share;
-                *share = sum.abs().min(1.0);
+                let covered = sum.abs();
+                *share = if covered < LEAST_SHARE { 0.0 } else { covered.min(1.0) };
             }
         }
     }

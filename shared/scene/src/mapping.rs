@@ -63,6 +63,12 @@ impl Homography {
         Some(Self { u: row(0), v: row(1), w })
     }
 
+    /// The homography of an image whose pixels are moved by (dx, dy): its pixel (x, y) is this one's (x + dx, y + dy).
+    pub(crate) fn shifted(&self, dx: f64, dy: f64) -> Self {
+        let shift = |line: &[f64; 3]| [line[0], line[1], line[2] + line[0] * dx + line[1] * dy];
+        Self { u: shift(&self.u), v: shift(&self.v), w: shift(&self.w) }
+    }
+
     /// The mapping of row `y`, for those of its pixels in `from..to` that see `level`'s plane.
     pub(crate) fn row(&self, y: usize, from: usize, to: usize, level: &Level) -> Option<RowMap> {
         let at_row = |line: &[f64; 3]| line[1] * y as f64 + line[2];

@@ -43,7 +43,8 @@ pub struct Scene {
 #[derive(Clone, Copy)]
 enum Surface {
     White,
-    Textured(Homography),
+    Roof(Homography),
+    Side(Homography),
 }
 
 impl Scene {
@@ -130,8 +131,11 @@ impl Scene {
                 let (Some(surface), Some((from, to, shares))) = (surface, coverage.row(y)) else { continue };
                 match surface {
                     Surface::White => self.surface[from..to].fill(WHITE),
-                    Surface::Textured(map) => {
+                    Surface::Roof(map) => {
                         self.scratch.draw(map, &roof_level, (y, from, to), VOID, &mut self.surface);
+                    }
+                    Surface::Side(map) => {
+                        self.scratch.draw_slanted(map, &roof_level, (y, from, to), VOID, &mut self.surface);
                     }
                 }
                 add_surface(shares, &self.surface[from..to], &mut self.ground[from..to]);
@@ -160,7 +164,8 @@ impl Scene {
                     .filter_map(|face| Homography::new(camera, &face.plane).map(|map| (face, map)));
                 for (i, (face, map)) in in_sight.take(MAX_SURFACES).enumerate() {
                     self.coverage[i].cover(&face.outline(camera));
-                    surfaces[i] = Some(Surface::Textured(map));
+                    let is_roof = face.plane.normal[2] > 0.0;
+                    surfaces[i] = Some(if is_roof { Surface::Roof(map) } else { Surface::Side(map) });
                 }
             }
         }

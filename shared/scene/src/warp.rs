@@ -6,6 +6,9 @@
 use crate::levels::{Choice, Level};
 use crate::mapping::{Homography, RowMap};
 
+/// Samples per pixel, each way, of a plane that is seen at a slant.
+const SLANT_SAMPLES: usize = 4;
+
 /// 1.5 * 2^23: adding it to a number below 2^22 leaves that number, rounded, in the low bits; a plain cast
 /// would saturate, which is slower.
 pub(crate) const ROUNDING: f32 = 12_582_912.0;
@@ -17,6 +20,7 @@ pub(crate) struct RowScratch {
     index: Vec<u32>,
     weights: Vec<u32>,
     blend: Vec<f32>,
+    sample: Vec<f32>,
 }
 
 impl RowScratch {
@@ -27,6 +31,7 @@ impl RowScratch {
             index: vec![0; width],
             weights: vec![0; width],
             blend: vec![0.0; width],
+            sample: vec![0.0; width],
         }
     }
 
@@ -49,6 +54,29 @@ impl RowScratch {
             }
             self.blend = other;
         }
+    }
+
+    /// As [`draw`](Self::draw), with the mean of 4 x 4 samples per pixel: for planes whose texture is squeezed by
+    /// perspective, which a level that is blurred alike in all directions does not hold.
+    pub(crate) fn draw_slanted(
+        &mut self,
+        homography: &Homography,
+        choice: &Choice<'_>,
+        (y, from, to): (usize, usize, usize),
+        void: f32,
+        grey: &mut [f32],
+    ) {
+        let mut sample = std::mem::take(&mut self.sample);
+        grey[from..to].fill(0.0);
+        let offset = |i: usize| (i as f64 + 0.5) / SLANT_SAMPLES as f64 - 0.5;
+        for i in 0..SLANT_SAMPLES * SLANT_SAMPLES {
+            let shifted = homography.shifted(offset(i % SLANT_SAMPLES), offset(i / SLANT_SAMPLES));
+            self.draw(&shifted, choice, (y, from, to), void, &mut sample);
+            for (g, s) in grey[from..to].iter_mut().zip(&sample[from..to]) {
+                *g += s * (1.0 / (SLANT_SAMPLES * SLANT_SAMPLES) as f32);
+            }
+        }
+        self.sample = sample;
     }
 
     fn draw_level(

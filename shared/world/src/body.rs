@@ -247,8 +247,11 @@ fn link_collider(arm: &Arm, index: usize) -> Option<ColliderBuilder> {
 }
 
 fn scene_collider(half_m: [f32; 3]) -> ColliderBuilder {
-    ColliderBuilder::cuboid(half_m[0], half_m[1], half_m[2])
-        .collision_groups(InteractionGroups::new(SCENE, ARM, InteractionTestMode::And))
+    ColliderBuilder::cuboid(half_m[0], half_m[1], half_m[2]).collision_groups(InteractionGroups::new(
+        SCENE,
+        ARM,
+        InteractionTestMode::And,
+    ))
 }
 
 /// Mass properties of a link in its body (joint) frame.

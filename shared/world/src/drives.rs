@@ -79,7 +79,11 @@ pub const PUMA_DRIVES: [Drive; JOINTS] = [
 ];
 
 /// Torques, N m, that hold the arm at rest at `position_rad` against gravity: the feed-forward.
-pub fn gravity_torque_nm(arm: &Arm, masses: &[LinkMass; JOINTS], position_rad: &[f64; JOINTS]) -> [f64; JOINTS] {
+pub fn gravity_torque_nm(
+    arm: &Arm,
+    masses: &[LinkMass; JOINTS],
+    position_rad: &[f64; JOINTS],
+) -> [f64; JOINTS] {
     let base_from_links = arm.base_from_links(position_rad);
     let mut torque = [0.0; JOINTS];
     // From the tip: weight and its moment about the base origin of all links from joint i outward.

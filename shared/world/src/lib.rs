@@ -18,9 +18,7 @@ mod world;
 pub use body::VehiclePose;
 pub use cycles::{CAPACITY, Cycles, CyclesError, TimedCycle};
 pub use drives::{Drive, GRAVITY_M_PER_S2, LinkMass, PUMA_DRIVES, PUMA_MASSES, gravity_torque_nm};
-pub use world::{
-    CameraPose, FAST_SUBSTEPS, HARDWARE_SUBSTEPS, STEP_NS, World, WorldError, WorldParameters,
-};
+pub use world::{CameraPose, FAST_SUBSTEPS, HARDWARE_SUBSTEPS, STEP_NS, World, WorldError, WorldParameters};
 
 #[cfg(test)]
 mod tests;

@@ -172,7 +172,7 @@ fn a_stopped_command_stream_brings_the_arm_to_rest() {
         world.accept(&circle_cycles(0.2, frame * 4 * CYCLE_NS)).unwrap();
         world.step_until((frame + 1) * 4 * CYCLE_NS, parked).unwrap();
     }
-    assert!(world.issued().velocity.iter().any(|velocity| velocity.abs() > 0.2));
+    assert!(world.issued().velocity.iter().any(|velocity| velocity.abs() > 0.1));
     world.step_until(world.time_ns() + 500 * MS, parked).unwrap();
     assert_eq!(world.issued().velocity, [0.0; JOINTS]);
     assert!(world.velocities().iter().all(|velocity| velocity.abs() < 2e-3), "{:?}", world.velocities());
@@ -184,13 +184,15 @@ fn the_table_stops_the_camera() {
     let mut world = World::new(&parameters(FAST_SUBSTEPS)).unwrap();
     let arm = world.parameters().arm;
     let mut target = world.parameters().start_rad;
-    // The shoulder alone turns down: the camera would end 0.2 m below the table.
-    target[1] -= 1.0;
-    assert!(arm.base_from_camera(&target, 0.0).translation.vector.z < -0.02);
-    let cycle = TimedCycle { due_ns: 3000 * MS, duration_ns: 3000 * MS, position: target, velocity: [0.0; 6] };
+    // The shoulder alone turns down: the camera would end below the table.
+    target[1] -= 1.3;
+    assert!(arm.base_from_camera(&target, 0.0).translation.vector.z < 0.0);
+    let cycle =
+        TimedCycle { due_ns: 3000 * MS, duration_ns: 3000 * MS, position: target, velocity: [0.0; 6] };
     world.accept(&[cycle]).unwrap();
     world.step_until(5000 * MS, parked).unwrap();
     assert!(world.touching());
     let height = world.base_from_camera().translation[2];
-    assert!(height > 0.0, "the camera is at {height} m");
+    // The camera's housing has a radius of 35 mm.
+    assert!(height > 0.02, "the camera is at {height} m");
 }

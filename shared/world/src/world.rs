@@ -91,8 +91,7 @@ impl WorldParameters {
     pub fn starting_at(theta_rad: [f64; 2], camera_height_m: f64) -> Result<WorldParameters, WorldError> {
         let arm = Arm::puma_like();
         let coupling = Coupling::new(&arm, camera_height_m)?;
-        let start_rad =
-            coupling.joints(theta_rad[0], theta_rad[1]).ok_or(WorldError::Start { theta_rad })?;
+        let start_rad = coupling.joints(theta_rad[0], theta_rad[1]).ok_or(WorldError::Start { theta_rad })?;
         Ok(WorldParameters {
             arm,
             masses: PUMA_MASSES,

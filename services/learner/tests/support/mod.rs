@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 
 use pursuit_kinematics::{Arm, Camera, Coupling, exact_move};
 use pursuit_learner::config::Parameters;
-use pursuit_learner::step::{Input, Learner};
-use pursuit_learning::{GridCase, GridError, Network, Normalisation, RefitJob, evaluate_grid, refit};
+use pursuit_learner::step::{Input, Learner, Output};
+use pursuit_learning::{GridCase, GridError, Network, Normalisation, evaluate_grid, refit};
 use pursuit_messages::{Detection, ImageShape, Phase, SetPoint, Target};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -82,7 +82,9 @@ impl Cell {
         let half = 0.9 * f64::from(self.camera.width) / 2.0;
         loop {
             let px = [self.rng.random_range(-half..half), self.rng.random_range(-half..half)];
-            let Some([d1, d2]) = exact_move(&self.coupling, &self.camera, px, self.joints[1]) else { continue };
+            let Some([d1, d2]) = exact_move(&self.coupling, &self.camera, px, self.joints[1]) else {
+                continue;
+            };
             let goal = [self.joints[0] + d1, self.joints[1] + d2];
             self.target = self.coupling.camera_xy(goal[0], goal[1]);
             if self.coupling.envelope().contains(goal, 0.0) && self.error_m() > 0.10 {
@@ -139,6 +141,14 @@ impl Cell {
         }
         let seconds = FRAME_NS as f64 * 1e-9;
         self.target = [0, 1].map(|axis| self.target[axis] + seconds * self.target_velocity[axis]);
+    }
+
+    /// One frame of the closed loop: expose, answer, act.
+    pub fn turn(&mut self, learner: &mut Learner) -> Output {
+        let input = self.expose();
+        let output = learner.step(&input);
+        self.act(output.set_point);
+        output
     }
 
     /// Trapezoid of speed and acceleration, then a first-order lag.
@@ -224,10 +234,7 @@ impl Run {
 
 /// Trains in lock-step: the refit of one frame is merged before the next.
 pub fn train(parameters: &Parameters, seed: u64, conditions: Conditions) -> (Run, Learner, Cell) {
-    train_with(Learner::new(parameters, seed), seed, conditions)
-}
-
-pub fn train_with(mut learner: Learner, seed: u64, conditions: Conditions) -> (Run, Learner, Cell) {
+    let mut learner = Learner::new(parameters, seed);
     let mut cell = Cell::new(seed, conditions);
     let cases = grid_cases(&cell.coupling, &cell.camera);
     let mut run = Run::default();
@@ -257,10 +264,6 @@ pub fn finish_refit(learner: &mut Learner) {
     if let Some(job) = learner.refit_job() {
         learner.merge(&refit(&job, || true));
     }
-}
-
-pub fn job(learner: &Learner) -> Option<RefitJob> {
-    learner.refit_job()
 }
 
 /// The value that the share of all is not above; `None` ("never") sorts last.

@@ -112,7 +112,9 @@ fn the_first_step_goes_straight_down() {
     descent.iterate(&mut objective);
     let moved = [descent.point()[0] - start[0], descent.point()[1] - start[1]];
     assert!(dot(&moved, &gradient) < 0.0);
-    assert!((moved[0] * gradient[1] - moved[1] * gradient[0]).abs() < 1e-12 * length(&moved) * length(&gradient));
+    assert!(
+        (moved[0] * gradient[1] - moved[1] * gradient[0]).abs() < 1e-12 * length(&moved) * length(&gradient)
+    );
 }
 
 #[test]

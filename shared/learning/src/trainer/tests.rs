@@ -133,13 +133,19 @@ fn what_is_restored_goes_on_as_if_it_had_never_stopped() {
         make_move(trainer, 4);
     }
     assert_eq!(restored, never_stopped);
-    assert_eq!(restored.network().weights().map(f64::to_bits), never_stopped.network().weights().map(f64::to_bits));
+    assert_eq!(
+        restored.network().weights().map(f64::to_bits),
+        never_stopped.network().weights().map(f64::to_bits)
+    );
 }
 
 #[test]
 fn the_same_seed_gives_the_same_weights_and_another_seed_others() {
     assert_eq!(trainer_after(3), trainer_after(3));
-    assert_ne!(Trainer::new(&Settings::recommended(), 1).network, Trainer::new(&Settings::recommended(), 2).network);
+    assert_ne!(
+        Trainer::new(&Settings::recommended(), 1).network,
+        Trainer::new(&Settings::recommended(), 2).network
+    );
 }
 
 #[test]

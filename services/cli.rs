@@ -1,0 +1,186 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use pursuit_runtime::place;
+use std::path::PathBuf;
+
+/// Makes a robot follow what moves: a camera in the hand of an arm finds what moves independently of it,
+/// and the arm teaches itself to stay above it.
+#[derive(Parser)]
+#[command(name = "pursuit", version, propagate_version = true)]
+pub struct Cli {
+    /// What to do; without a word it is `demo`.
+    #[command(subcommand)]
+    pub verb: Option<Verb>,
+}
+
+/// All verbs.
+#[derive(Subcommand)]
+pub enum Verb {
+    /// Simulated robot: teaches itself, follows a camouflaged vehicle, reports. Ends by itself.
+    Demo(Demo),
+    /// Start all services under a supervisor, until stopped or for a number of frames.
+    Up(Up),
+    /// One service in the foreground.
+    Run {
+        /// simulator, acquisition, vision, segmentation, learner or arm-driver.
+        service: String,
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+    },
+    /// How are the services?
+    Status {
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// End one service and start it again.
+    Restart {
+        /// Its name.
+        service: String,
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+    },
+    /// End everything.
+    Down {
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Find what moves in a folder of images.
+    Detect(Detect),
+    /// A measured experiment in lock-step, the paper's figure beside ours.
+    Experiment(Experiment),
+    /// Check a config file.
+    Check {
+        /// The file.
+        file: PathBuf,
+    },
+}
+
+/// Where an instance lives.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Place {
+    /// Name of the instance [default: sim, or the config's run.instance].
+    #[arg(long)]
+    pub instance: Option<String>,
+    /// Its run-time directory, in place of one below $XDG_RUNTIME_DIR.
+    #[arg(long)]
+    pub run_dir: Option<PathBuf>,
+}
+
+impl Place {
+    /// The run-time directory.
+    pub fn directory(&self) -> PathBuf {
+        self.directory_or(place::DEFAULT_INSTANCE)
+    }
+
+    /// The run-time directory; `instance` where the command line names none.
+    pub fn directory_or(&self, instance: &str) -> PathBuf {
+        match &self.run_dir {
+            Some(directory) => directory.clone(),
+            None => place::directory(self.instance.as_deref().unwrap_or(instance)),
+        }
+    }
+}
+
+/// Options of `up`.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Up {
+    /// Config file [default: the built-in config/sim.toml].
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// End after so many frames of tracking, and report.
+    #[arg(long)]
+    pub frames: Option<u64>,
+    /// Seed of everything random.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Set a key of the config: --set vehicle.speed_m_per_s=0.2
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Write the report there, as JSON (`-`: to standard output).
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write plots into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub plots: Option<PathBuf>,
+    /// Where the instance lives.
+    #[command(flatten)]
+    pub place: Place,
+}
+
+/// Options of `demo`.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Demo {
+    /// Frames of tracking [default: 1000].
+    #[arg(long)]
+    pub frames: Option<u64>,
+    /// Seed of everything random.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Write the report there, as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Folder for the plots [default: pursuit-out].
+    #[arg(long, value_name = "DIR")]
+    pub plots: Option<PathBuf>,
+    /// Where the instance lives.
+    #[command(flatten)]
+    pub place: Place,
+}
+
+/// Options of `detect`.
+#[derive(Args, Clone, Debug)]
+pub struct Detect {
+    /// Folder with the images, taken in natural order of name.
+    pub path: PathBuf,
+    /// One JSON object per frame.
+    #[arg(long)]
+    pub json: bool,
+    /// Write images with the detection drawn in.
+    #[arg(long, value_name = "DIR")]
+    pub annotate: Option<PathBuf>,
+    /// Config file for the sections [vision] and [segmentation].
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Set a key of these sections: --set segmentation.contrast_cut=6
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// Options of `experiment`.
+#[derive(Args, Clone, Debug)]
+pub struct Experiment {
+    /// Which one.
+    pub name: ExperimentName,
+    /// Number of seeds.
+    #[arg(long, default_value_t = 20)]
+    pub seeds: u64,
+    /// The first seed.
+    #[arg(long, default_value_t = 1)]
+    pub first_seed: u64,
+    /// Set a key of the config for all runs.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Write all figures there, as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Folder for the plots [default: pursuit-out].
+    #[arg(long, value_name = "DIR")]
+    pub plots: Option<PathBuf>,
+}
+
+/// All experiments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ExperimentName {
+    /// Moves to 3 cm and 1 cm, error after each move, recommended and paper scheme.
+    Learning,
+    /// Distance from the hand to the vehicle while following it.
+    Tracking,
+}

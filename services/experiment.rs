@@ -1,0 +1,330 @@
+//! `pursuit experiment NAME`: measured over many seeds, in lock-step, the paper's figure beside ours.
+
+use crate::check;
+use crate::cli::{Experiment, ExperimentName};
+use crate::inprocess::{self, Outcome};
+use crate::report::{APPROACH_S, PAPER_MOVES_TO_3_CM, PAPER_TRACKING_CM, Report, percentile};
+use crate::svg::{Mark, Plot, Series};
+use crate::up::write_json;
+use pursuit_runtime::exit;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Frames of tracking per run, at 12.5 Hz: 30 s, of which 3 s are the approach.
+const TRACKING_FRAMES: u64 = 375;
+/// The paper's rate for tracking.
+const TRACKING_RATE_HZ: f64 = 12.5;
+/// Where plots go by default.
+const PLOTS: &str = "pursuit-out";
+
+/// Median and 90th percentile over seeds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Spread {
+    p50: f64,
+    p90: f64,
+}
+
+/// A count that some seeds may never reach: those count as infinite, shown as `null`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Moves {
+    p50: Option<u32>,
+    p90: Option<u32>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Scheme {
+    name: &'static str,
+    seeds: u64,
+    moves_to_3cm: Moves,
+    moves_to_1cm: Moves,
+    first_target_moves_to_3cm: Moves,
+    after_5_moves_cm: Spread,
+    final_cm: Spread,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Tracked {
+    path: String,
+    speed_m_per_s: f64,
+    rate_hz: f64,
+    latency_ms: f64,
+    controller: &'static str,
+    seeds: u64,
+    rms_cm: Spread,
+    median_cm: Spread,
+    max_cm: Spread,
+    detected_share: Spread,
+    lost_share: f64,
+}
+
+/// Runs the verb.
+pub fn run(options: &Experiment) -> u8 {
+    let outcome = match options.name {
+        ExperimentName::Learning => learning(options),
+        ExperimentName::Tracking => tracking(options),
+    };
+    match outcome {
+        Ok(code) => code,
+        Err(why) => {
+            eprintln!("{why}");
+            exit::DO_NOT_RESTART
+        }
+    }
+}
+
+fn learning(options: &Experiment) -> Result<u8, String> {
+    #[derive(Serialize)]
+    struct Figures {
+        schemes: Vec<Scheme>,
+    }
+    let mut schemes = Vec::new();
+    let mut curves = Vec::new();
+    println!("learning on the static blob, 25 Hz, seeds {}", seeds_text(options));
+    println!("one-shot error: where one single move would end, median over 300 places in view\n");
+    println!(
+        "  {:<14} {:>15} {:>15} {:>20} {:>17}",
+        "scheme", "moves to 3 cm", "to 1 cm", "after 5 moves", "at the end"
+    );
+    for name in ["recommended", "paper"] {
+        let set = [format!("learner.profile={name}"), "simulator.frames=1".to_owned()];
+        let runs = over_seeds(options, &set)?;
+        let reports: Vec<Report> = runs.iter().map(|(seed, run)| report(*seed, run)).collect();
+        let scheme = scheme(name, &reports);
+        println!(
+            "  {:<14} {:>15} {:>15} {:>20} {:>17}",
+            name,
+            moves_text(scheme.moves_to_3cm),
+            moves_text(scheme.moves_to_1cm),
+            spread_text(scheme.after_5_moves_cm, "cm"),
+            spread_text(scheme.final_cm, "cm")
+        );
+        curves.push(curve(name, &reports));
+        schemes.push(scheme);
+    }
+    println!("\n  the paper (1994): about {PAPER_MOVES_TO_3_CM} moves to the target until it is 3 cm");
+    for scheme in &schemes {
+        let name = scheme.name;
+        println!(
+            "  within 3 cm of the first target, {name}: {} moves",
+            moves_text(scheme.first_target_moves_to_3cm)
+        );
+    }
+    println!("  (median / 90th percentile over the seeds)");
+    publish(options, &Figures { schemes }, "experiment-learning.svg", &learning_plot(curves))
+}
+
+fn tracking(options: &Experiment) -> Result<u8, String> {
+    #[derive(Serialize)]
+    struct Figures {
+        runs: Vec<Tracked>,
+    }
+    let set = [format!("simulator.frames={TRACKING_FRAMES}"), format!("camera.rate_hz={TRACKING_RATE_HZ:?}")];
+    println!(
+        "following the camouflaged vehicle on its circle, plain controller, seeds {}",
+        seeds_text(options)
+    );
+    println!("distance from the camera's axis to the vehicle, without the first {APPROACH_S} s\n");
+    let runs = over_seeds(options, &set)?;
+    let mut document = check::document(None, &set).map_err(|faults| faults.to_string())?;
+    for setting in &options.set {
+        let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
+        document.set(key, value).map_err(|faults| faults.to_string())?;
+    }
+    let checked = check::all(&document).map_err(|faults| faults.to_string())?;
+    let reports: Vec<Report> = runs.iter().map(|(seed, run)| report(*seed, run)).collect();
+    let tracked = tracked(&checked, &reports)?;
+    println!("  {:<34} {:>20}   the paper (1994)", "", "median / p90");
+    println!(
+        "  {:<34} {:>20}   in the order of {PAPER_TRACKING_CM} cm",
+        "RMS",
+        spread_text(tracked.rms_cm, "cm")
+    );
+    println!("  {:<34} {:>20}", "median", spread_text(tracked.median_cm, "cm"));
+    println!("  {:<34} {:>20}", "worst frame", spread_text(tracked.max_cm, "cm"));
+    let share = Spread { p50: 100.0 * tracked.detected_share.p50, p90: 100.0 * tracked.detected_share.p90 };
+    println!("  {:<34} {:>20}", "detected (median / worst tenth)", spread_text(share, "%"));
+    println!("  {:<34} {:>18.2} %", "frames more than 20 cm away", 100.0 * tracked.lost_share);
+    println!(
+        "\n  {} at {} m/s, {} images per second, {} ms from command to motion",
+        tracked.path, tracked.speed_m_per_s, tracked.rate_hz, tracked.latency_ms
+    );
+    let plot = tracking_plot(&reports);
+    publish(options, &Figures { runs: vec![tracked] }, "experiment-tracking.svg", &plot)
+}
+
+fn seeds_text(options: &Experiment) -> String {
+    format!("{} to {}", options.first_seed, options.first_seed + options.seeds.max(1) - 1)
+}
+
+/// All runs of an experiment, on as many threads as there are cores, in the order of the seeds.
+fn over_seeds(options: &Experiment, set: &[String]) -> Result<Vec<(u64, Outcome)>, String> {
+    let count = options.seeds.max(1) as usize;
+    let next = AtomicUsize::new(0);
+    let results: Mutex<Vec<Option<Result<Outcome, String>>>> = Mutex::new((0..count).map(|_| None).collect());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if index >= count {
+                        return;
+                    }
+                    let outcome = one_seed(options, set, options.first_seed + index as u64);
+                    if let Ok(mut results) = results.lock() {
+                        results[index] = Some(outcome);
+                    }
+                }
+            });
+        }
+    });
+    let results = results.into_inner().map_err(|_| "a run of the experiment panicked".to_owned())?;
+    let numbered = (options.first_seed..).zip(results);
+    numbered
+        .map(|(seed, result)| match result {
+            Some(Ok(outcome)) => Ok((seed, outcome)),
+            Some(Err(why)) => Err(format!("seed {seed}: {why}")),
+            None => Err(format!("seed {seed} was not run")),
+        })
+        .collect()
+}
+
+fn one_seed(options: &Experiment, set: &[String], seed: u64) -> Result<Outcome, String> {
+    let mut settings = set.to_vec();
+    settings.extend(options.set.iter().cloned());
+    settings.push(format!("run.seed={seed}"));
+    let document = check::document(None, &settings).map_err(|faults| faults.to_string())?;
+    let checked = check::all(&document).map_err(|faults| faults.to_string())?;
+    inprocess::run(&checked)
+}
+
+fn report(seed: u64, run: &Outcome) -> Report {
+    let mut report = Report::of(seed, &run.records, &run.moves);
+    report.trajectory_sha256 = Some(run.trajectory_sha256.clone());
+    report
+}
+
+fn scheme(name: &'static str, reports: &[Report]) -> Scheme {
+    let error_after =
+        |report: &Report, index: usize| report.learning.moves.get(index).map_or(f64::NAN, |m| m.error_cm);
+    let last = |report: &Report| report.learning.moves.last().map_or(f64::NAN, |m| m.error_cm);
+    Scheme {
+        name,
+        seeds: reports.len() as u64,
+        moves_to_3cm: moves(reports.iter().map(|r| r.learning.moves_to_3cm)),
+        moves_to_1cm: moves(reports.iter().map(|r| r.learning.moves_to_1cm)),
+        first_target_moves_to_3cm: moves(reports.iter().map(|r| r.learning.first_target_moves_to_3cm)),
+        after_5_moves_cm: spread(reports.iter().map(|r| error_after(r, 4))),
+        final_cm: spread(reports.iter().map(last)),
+    }
+}
+
+fn tracked(checked: &check::Checked, reports: &[Report]) -> Result<Tracked, String> {
+    let tracking: Vec<_> = reports.iter().filter_map(|r| r.tracking).collect();
+    if tracking.len() < reports.len() {
+        return Err("a run ended before it came to tracking".to_owned());
+    }
+    let cell = &checked.simulator.cell;
+    let shares = spread(tracking.iter().map(|t| -t.detected_share));
+    Ok(Tracked {
+        path: format!("{:?}", cell.path).split(' ').next().unwrap_or_default().to_lowercase(),
+        speed_m_per_s: cell.path.speed_m_per_s(),
+        rate_hz: checked.acquisition.camera.rate_hz,
+        latency_ms: cell.latency_ns as f64 / 1e6,
+        controller: "plain",
+        seeds: reports.len() as u64,
+        rms_cm: spread(tracking.iter().map(|t| t.rms_cm)),
+        median_cm: spread(tracking.iter().map(|t| t.median_cm)),
+        max_cm: spread(tracking.iter().map(|t| t.max_cm)),
+        detected_share: Spread { p50: -shares.p50, p90: -shares.p90 },
+        lost_share: tracking.iter().map(|t| t.lost_share).sum::<f64>() / tracking.len() as f64,
+    })
+}
+
+fn spread(values: impl Iterator<Item = f64>) -> Spread {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    Spread { p50: percentile(&values, 0.5), p90: percentile(&values, 0.9) }
+}
+
+fn moves(values: impl Iterator<Item = Option<u32>>) -> Moves {
+    let never = f64::INFINITY;
+    let Spread { p50, p90 } = spread(values.map(|value| value.map_or(never, f64::from)));
+    let finite = |value: f64| value.is_finite().then_some(value as u32);
+    Moves { p50: finite(p50), p90: finite(p90) }
+}
+
+fn moves_text(moves: Moves) -> String {
+    let text = |value: Option<u32>| value.map_or_else(|| "never".to_owned(), |value| value.to_string());
+    format!("{} / {}", text(moves.p50), text(moves.p90))
+}
+
+fn spread_text(spread: Spread, unit: &str) -> String {
+    format!("{:.2} / {:.2} {unit}", spread.p50, spread.p90)
+}
+
+/// Median over the seeds of the error after each move.
+fn curve(name: &'static str, reports: &[Report]) -> (&'static str, Vec<[f64; 2]>) {
+    let longest = reports.iter().map(|r| r.learning.moves.len()).max().unwrap_or(0);
+    let median_after = |index: usize| {
+        let errors = reports.iter().filter_map(|r| r.learning.moves.get(index)).map(|m| m.error_cm);
+        [index as f64 + 1.0, spread(errors).p50]
+    };
+    (name, (0..longest).map(median_after).collect())
+}
+
+fn learning_plot(curves: Vec<(&'static str, Vec<[f64; 2]>)>) -> Plot {
+    let last = curves.iter().flat_map(|(_, points)| points).map(|p| p[0]).fold(1.0, f64::max);
+    let mut series: Vec<Series> = curves
+        .into_iter()
+        .zip(["#0072b2", "#009e73"])
+        .map(|((name, points), colour)| Series { name: name.to_owned(), colour, points, mark: Mark::Line })
+        .collect();
+    series.push(Series {
+        name: "paper: 3 cm after about 5 moves".to_owned(),
+        colour: "#d55e00",
+        points: vec![[1.0, 3.0], [last, 3.0]],
+        mark: Mark::Dashed,
+    });
+    Plot {
+        title: "Error of one single move, median over seeds".to_owned(),
+        x_label: "moves made".to_owned(),
+        y_label: "cm".to_owned(),
+        equal_axes: false,
+        log_y: true,
+        series,
+    }
+}
+
+fn tracking_plot(reports: &[Report]) -> Plot {
+    let points = reports.iter().filter_map(|r| Some([r.seed as f64, r.tracking?.rms_cm])).collect::<Vec<_>>();
+    let ends = [points.first(), points.last()].map(|p| p.map_or(0.0, |p| p[0]));
+    Plot {
+        title: "Following the vehicle: RMS distance per seed".to_owned(),
+        x_label: "seed".to_owned(),
+        y_label: "cm".to_owned(),
+        equal_axes: false,
+        log_y: false,
+        series: vec![
+            Series { name: "RMS".to_owned(), colour: "#0072b2", points, mark: Mark::Line },
+            Series {
+                name: "paper: in the order of 2 cm".to_owned(),
+                colour: "#d55e00",
+                points: ends.map(|x| [x, PAPER_TRACKING_CM]).to_vec(),
+                mark: Mark::Dashed,
+            },
+        ],
+    }
+}
+
+fn publish(options: &Experiment, figures: &impl Serialize, name: &str, plot: &Plot) -> Result<u8, String> {
+    let folder = options.plots.clone().unwrap_or_else(|| PathBuf::from(PLOTS));
+    let file = folder.join(name);
+    std::fs::create_dir_all(&folder)
+        .and_then(|()| std::fs::write(&file, plot.svg()))
+        .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+    println!("\n  plot: {}", file.display());
+    Ok(options.json.as_deref().map_or(exit::OK, |json: &Path| write_json(json, figures)))
+}

@@ -1,0 +1,131 @@
+//! The whole loop in one process and one thread, for experiments over many seeds: the same pure steps in
+//! the same order as in lock-step with processes, hence the same bits (a test holds the two together).
+
+use crate::check::Checked;
+use pursuit_acquisition::config::Source;
+use pursuit_acquisition::view_of;
+use pursuit_arm_driver::step::{Driver, Drives};
+use pursuit_learner::step::{Input, Learner};
+use pursuit_learning::refit;
+use pursuit_messages::payload::Votes;
+use pursuit_messages::{Stamp, WorldState};
+use pursuit_motion::{Image, NoProbe, Older, VoteEngine};
+use pursuit_scene::Scene;
+use pursuit_segmentation::step::Segmenter;
+use pursuit_simulator::cell::{Cell, Fixed};
+use pursuit_simulator::journal::{MoveRecord, Record};
+
+/// Lock-step has one epoch; the simulator's is the same.
+const EPOCH: u64 = 1;
+
+/// What a run came to.
+pub struct Outcome {
+    /// One record per frame.
+    pub records: Vec<Record>,
+    /// One record per training move.
+    pub moves: Vec<MoveRecord>,
+    /// The whole trajectory as one number.
+    pub trajectory_sha256: String,
+}
+
+/// Runs a config to its configured number of tracking frames.
+///
+/// # Errors
+/// A sentence that says what cannot be.
+pub fn run(checked: &Checked) -> Result<Outcome, String> {
+    let text = |error: &dyn std::fmt::Display| error.to_string();
+    let Source::Simulated(scene) = &checked.acquisition.source else {
+        return Err("an experiment needs acquisition.source = \"simulated\"".to_owned());
+    };
+    let fixed = Fixed::new(&checked.simulator.cell).map_err(|e| text(&e))?;
+    let mut cell = Cell::new(&fixed).map_err(|e| text(&e))?;
+    let mut eyes = Eyes::new(checked, Scene::new(scene))?;
+    let mut learner = Learner::new(&checked.learner.parameters, checked.learner.run.seed);
+    let driver = Driver::new(checked.arm.parameters, checked.arm.coupling).map_err(|e| text(&e))?;
+    let mut outcome = Outcome { records: Vec::new(), moves: Vec::new(), trajectory_sha256: String::new() };
+    while !cell.is_finished(&fixed) {
+        let world = cell.state();
+        let stamp = Stamp::new(EPOCH, cell.frame, world.time_ns, checked.acquisition.camera.shape());
+        let target = eyes.see(&world, cell.frame)?;
+        if let Some(job) = learner.refit_job() {
+            learner.merge(&refit(&job, || true));
+        }
+        let output = learner.step(&Input {
+            frame: cell.frame,
+            exposure_ns: stamp.exposure_ns,
+            image: stamp.image,
+            target,
+            joints: [world.position[0], world.position[1]],
+            velocities: [world.velocity[0], world.velocity[1]],
+        });
+        let drives = Drives {
+            position: world.position,
+            velocity: world.velocity,
+            issued_position: world.issued_position,
+            issued_velocity: world.issued_velocity,
+        };
+        let set_point = Some((&output.set_point, &stamp));
+        let command = driver.step(world.time_ns, EPOCH, &drives, set_point, checked.arm.cycles_per_frame);
+        let message = command.message(checked.arm.parameters.cycle_ns, output.set_point);
+        let frame = cell.frame;
+        let (record, moved) =
+            cell.take(&fixed, frame, &message, Some(&output.state)).map_err(|e| text(&e))?;
+        outcome.records.push(record);
+        outcome.moves.extend(moved);
+        cell.advance(cell.time_ns + checked.simulator.cell.frame_period_ns).map_err(|e| text(&e))?;
+        cell.frame += 1;
+    }
+    outcome.trajectory_sha256 = cell.trajectory_sha256();
+    Ok(outcome)
+}
+
+/// Camera, vision and segmentation in one.
+struct Eyes {
+    scene: Scene,
+    engine: VoteEngine,
+    segmenter: Segmenter,
+    votes: Box<Votes>,
+    newer: Vec<u8>,
+    older: Option<Vec<u8>>,
+    size: (usize, usize),
+}
+
+impl Eyes {
+    fn new(checked: &Checked, scene: Scene) -> Result<Eyes, String> {
+        let shape = checked.vision.camera.shape();
+        let size = (shape.width as usize, shape.height as usize);
+        Ok(Eyes {
+            scene,
+            engine: VoteEngine::new(size.0, size.1, &checked.vision.motion).map_err(|e| e.to_string())?,
+            segmenter: Segmenter::new(&checked.segmentation),
+            votes: Box::default(),
+            newer: vec![0; size.0 * size.1],
+            older: None,
+            size,
+        })
+    }
+
+    fn see(&mut self, world: &WorldState, frame: u64) -> Result<pursuit_messages::Target, String> {
+        let (width, height) = self.size;
+        self.scene.render(&view_of(world, frame), &mut self.newer, width).map_err(|e| e.to_string())?;
+        let newer = Image::new(&self.newer, width, height, width).map_err(|e| e.to_string())?;
+        let older = match &self.older {
+            Some(pixels) => {
+                Older::LastNewer(Image::new(pixels, width, height, width).map_err(|e| e.to_string())?)
+            }
+            None => Older::Missing,
+        };
+        pursuit_vision::step(
+            &mut self.engine,
+            older,
+            newer,
+            u32::from(frame > 0),
+            &mut self.votes,
+            &mut NoProbe,
+        );
+        let target = self.segmenter.answer(&self.votes, Some(newer));
+        let older = self.older.get_or_insert_with(|| vec![0; width * height]);
+        std::mem::swap(older, &mut self.newer);
+        Ok(target)
+    }
+}

@@ -1,0 +1,75 @@
+//! The thread on which batch refits run, one at a time.
+
+use crate::step::Learner;
+use pursuit_learning::{RefitJob, RefitResult, refit};
+use pursuit_runtime::clock::monotonic_ns;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+
+/// In lock-step a result is waited for this long before the run goes on without it; a refit takes some
+/// milliseconds, so this is reached only where its thread is dead.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Owns the thread. It ends when this is dropped.
+pub struct Refitter {
+    jobs: SyncSender<RefitJob>,
+    results: Receiver<(RefitResult, u64)>,
+    /// Number of the job that the thread has.
+    running: Option<u64>,
+    last_ns: u64,
+}
+
+impl Refitter {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// Where the system has no thread to give.
+    pub fn start() -> std::io::Result<Refitter> {
+        let (jobs, job_queue) = sync_channel::<RefitJob>(1);
+        let (result_queue, results) = sync_channel(1);
+        std::thread::Builder::new().name("refit".to_owned()).spawn(move || {
+            while let Ok(job) = job_queue.recv() {
+                let begin = monotonic_ns();
+                let result = refit(&job, || true);
+                if result_queue.send((result, monotonic_ns() - begin)).is_err() {
+                    return;
+                }
+            }
+        })?;
+        Ok(Refitter { jobs, results, running: None, last_ns: 0 })
+    }
+
+    /// Starts the learner's refit where one is due that is not running.
+    pub fn begin(&mut self, learner: &Learner) {
+        let due = learner.refit_number();
+        if due.is_none() || due == self.running {
+            return;
+        }
+        if let Some(job) = learner.refit_job() {
+            let number = job.number;
+            if self.jobs.try_send(job).is_ok() {
+                self.running = Some(number);
+            }
+        }
+    }
+
+    /// Merges the result where there is one; `waits` for it where a refit is running (lock-step: the
+    /// answer to a frame must not depend on how fast the thread was).
+    pub fn merge_into(&mut self, learner: &mut Learner, waits: bool) {
+        if self.running.is_none() {
+            return;
+        }
+        let result =
+            if waits { self.results.recv_timeout(PATIENCE).ok() } else { self.results.try_recv().ok() };
+        if let Some((result, spent_ns)) = result {
+            self.running = None;
+            self.last_ns = spent_ns;
+            learner.merge(&result);
+        }
+    }
+
+    /// Time that the last refit took, ns.
+    pub fn last_ns(&self) -> u64 {
+        self.last_ns
+    }
+}

@@ -1,0 +1,55 @@
+//! Section `[learner]`.
+
+use crate::config::{Parameters, Profile};
+use pursuit_config::{Checker, Document, Faults, Scope};
+use pursuit_runtime::settings;
+
+/// What the learner needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// Section `[run]`.
+    pub run: settings::Run,
+    /// Parameters of learning and following.
+    pub parameters: Parameters,
+}
+
+impl Config {
+    /// Reads and checks what the learner needs.
+    ///
+    /// # Errors
+    /// All faults of these sections at once.
+    pub fn load(document: &Document) -> Result<Config, Faults> {
+        let checker = Checker::new(document);
+        let config = Config::read(&checker);
+        checker.finish(Scope::ReadSections)?;
+        Ok(config)
+    }
+
+    /// Reads the sections; faults go to the checker.
+    pub fn read(checker: &Checker<'_>) -> Config {
+        Config { run: settings::Run::read(checker), parameters: read(checker) }
+    }
+}
+
+fn read(checker: &Checker<'_>) -> Parameters {
+    let section = checker.section("learner");
+    let profiles = [("recommended", Profile::Recommended), ("paper", Profile::Paper)];
+    let mut parameters = Parameters::of(section.choice_or("profile", &profiles, Profile::Recommended));
+    parameters.training_moves =
+        section.integer_or("training_moves", crate::config::TRAINING_MOVES, parameters.training_moves);
+    parameters.moves_per_target =
+        section.integer_or("moves_per_target", crate::config::MOVES_PER_TARGET, parameters.moves_per_target);
+    parameters.bootstrap = section.flag_or("bootstrap", parameters.bootstrap);
+    let home = section.floats_or("home_rad", 2, -3.2..=3.2, &parameters.home_rad);
+    parameters.home_rad = [home[0], home[1]];
+    let learning = &mut parameters.learning;
+    learning.memory = section.integer_or("memory", crate::config::MEMORY, learning.memory);
+    learning.eta = section.float_or("eta", crate::config::ETA, learning.eta);
+    learning.iterations = section.integer_or("iterations", crate::config::ITERATIONS, learning.iterations);
+    let signs = [("upright", -1.0), ("mirrored", 1.0)];
+    learning.rotation_sign = section.choice_or("image", &signs, learning.rotation_sign);
+    if let Some(fault) = parameters.fault() {
+        section.fault(fault.split(' ').next().unwrap_or("profile"), fault);
+    }
+    parameters
+}

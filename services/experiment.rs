@@ -57,6 +57,7 @@ struct Tracked {
     max_cm: Spread,
     detected_share: Spread,
     lost_share: f64,
+    trajectory_sha256: Vec<Option<String>>,
 }
 
 /// Runs the verb.
@@ -240,6 +241,7 @@ fn tracked(checked: &check::Checked, reports: &[Report]) -> Result<Tracked, Stri
         max_cm: spread(tracking.iter().map(|t| t.max_cm)),
         detected_share: Spread { p50: -shares.p50, p90: -shares.p90 },
         lost_share: tracking.iter().map(|t| t.lost_share).sum::<f64>() / tracking.len() as f64,
+        trajectory_sha256: reports.iter().map(|r| r.trajectory_sha256.clone()).collect(),
     })
 }
 

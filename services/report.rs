@@ -13,8 +13,6 @@ pub const APPROACH_S: f64 = 3.0;
 pub const PAPER_MOVES_TO_3_CM: u32 = 5;
 /// The paper, section 4: "the accuracy of the total system [...] is in the order of 2 cm".
 pub const PAPER_TRACKING_CM: f64 = 2.0;
-/// The paper, section 4: "a rate of 12.5 images per second".
-pub const PAPER_RATE_HZ: f64 = 12.5;
 
 /// What a run came to.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -5,7 +5,8 @@ use crate::cli::Up;
 use crate::plots;
 use crate::progress::Progress;
 use crate::report::Report;
-use pursuit_config::Document;
+use pursuit_acquisition::config::Source;
+use pursuit_config::{Document, Faults};
 use pursuit_runtime::{exit, logging, place};
 use pursuit_simulator::journal::{MoveRecord, Record};
 use pursuit_supervisor::{Ended, Plan, SupervisorError};
@@ -36,7 +37,7 @@ pub fn run(options: &Up) -> u8 {
 
 /// The config of the command line. Without a number of frames the run is for watching: lock-step then
 /// keeps to real time unless the config says otherwise.
-fn document(options: &Up) -> Result<Document, pursuit_config::Faults> {
+fn document(options: &Up) -> Result<Document, Faults> {
     let mut set = Vec::new();
     if options.frames.is_none() && options.config.is_none() {
         set.push("run.pace=real".to_owned());
@@ -66,12 +67,18 @@ pub struct Run {
 ///
 /// # Errors
 /// The exit code; why was said on standard error.
-pub fn run_system(options: &Up, document: Document) -> Result<Option<Run>, u8> {
+pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u8> {
     logging::start();
-    let checked = check::all(&document).map_err(|faults| {
+    let refuse = |faults: Faults| {
         eprintln!("{faults}");
         exit::DO_NOT_RESTART
-    })?;
+    };
+    let checked = check::all(&document).map_err(refuse)?;
+    if let Source::Files(files) = &checked.acquisition.source {
+        // The services read the config from another folder: a relative path would be another one there.
+        let folder = std::path::absolute(&files.folder).unwrap_or_else(|_| files.folder.clone());
+        document.set("acquisition.folder", &format!("{:?}", folder.display().to_string())).map_err(refuse)?;
+    }
     let directory = options.place.directory_or(&checked.acquisition.run.instance);
     let program = std::env::current_exe().map_err(|error| {
         eprintln!("pursuit: cannot find my own program file: {error}");

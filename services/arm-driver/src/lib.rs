@@ -36,11 +36,14 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     arm.enable().map_err(lost)?;
     let mut newest: Option<Message<SetPoints>> = None;
     let mut refusal = 0;
+    let mut epoch = 0;
     while station.turn() {
         wait(&[&set_points, arm.wakes()], TICK)?;
         joints.greet_new_readers();
         arm.greet_new_readers();
         if let Some((message, _)) = set_points.newest()? {
+            // Epochs are start times: an older one is of a camera that is gone.
+            epoch = epoch.max(message.stamp().epoch);
             newest = Some(message);
         }
         let fresh = arm.refresh()?;
@@ -62,7 +65,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         };
         let begin = monotonic_ns();
         let given = set_point.map(|message| (message.payload(), message.stamp()));
-        let command = driver.step(reading.time_ns, world.epoch, &reading.drives, given, cycles);
+        let command = driver.step(reading.time_ns, epoch, &reading.drives, given, cycles);
         refusal = command.refusal.map_or(0, |refusal| refusal as u32);
         let cause = given.map_or(world, |(_, stamp)| *stamp);
         let stamp = cause.extended(Service::ArmDriver, Stage::Drive, begin, monotonic_ns());

@@ -5,7 +5,13 @@
 mod support;
 
 use pursuit_learner::config::{Parameters, Profile};
-use support::{Conditions, Run, quantile, train};
+use pursuit_learner::step::Learner;
+use pursuit_learning::refit;
+use pursuit_messages::Phase;
+use support::{Cell, Conditions, Run, quantile, train};
+
+/// Defaults were chosen looking at seeds 1000 to 1019.
+const FIRST_SEED: u64 = 2000;
 
 fn main() {
     let seeds = std::env::args().nth(1).and_then(|count| count.parse().ok()).unwrap_or(50);
@@ -21,9 +27,10 @@ fn main() {
     ];
     for (name, parameters) in schemes {
         let runs: Vec<Run> =
-            (0..seeds).map(|seed| train(&parameters, 1000 + seed, Conditions::default()).0).collect();
+            (0..seeds).map(|seed| train(&parameters, FIRST_SEED + seed, Conditions::default()).0).collect();
         report(name, &runs);
     }
+    report_refit_time();
 }
 
 fn with_iterations(mut parameters: Parameters, iterations: u32) -> Parameters {
@@ -60,4 +67,24 @@ fn report(name: &str, runs: &[Run]) {
         runs.iter().map(|run| run.frames).sum::<u64>() / runs.len() as u64,
         runs.iter().map(|run| run.rejected).sum::<u32>(),
     );
+}
+
+/// Wall-clock time of one refit of a full ring, from the jobs of one run's later half.
+fn report_refit_time() {
+    let mut learner = Learner::new(&Parameters::default(), FIRST_SEED);
+    let mut cell = Cell::new(FIRST_SEED, Conditions::default());
+    let mut times = Vec::new();
+    while learner.phase() == Phase::Training {
+        cell.turn(&mut learner);
+        if let Some(job) = learner.refit_job() {
+            let begin = std::time::Instant::now();
+            let result = refit(&job, || true);
+            if job.samples.len() >= 100 {
+                times.push(Some(begin.elapsed().as_secs_f64() * 1e3));
+            }
+            learner.merge(&result);
+        }
+    }
+    let [median, p90] = [0.5, 0.9].map(|share| quantile(times.iter().copied(), share).unwrap_or(f64::NAN));
+    println!("refit of 100 samples: {median:.1}/{p90:.1} ms");
 }

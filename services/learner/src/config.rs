@@ -91,8 +91,9 @@ impl Parameters {
     /// [`Parameters::theta2_rad`] unless set: 14° to 55°; below, the arm is stretched, above, joint 3 is
     /// at its limit.
     pub const DEFAULT_THETA2_RAD: [f64; 2] = [14.0 * PI / 180.0, 55.0 * PI / 180.0];
-    /// [`Parameters::max_displacement_rad`] unless set.
-    pub const DEFAULT_MAX_DISPLACEMENT_RAD: [f64; 2] = [0.5, 0.35];
+    /// [`Parameters::max_displacement_rad`] unless set: most targets that the default cell sees are one
+    /// such move away.
+    pub const DEFAULT_MAX_DISPLACEMENT_RAD: [f64; 2] = [0.8, 0.5];
     /// [`Parameters::reached_half_widths`] unless set: 1 cm of the table in the default cell.
     pub const DEFAULT_REACHED_HALF_WIDTHS: f64 = 0.02;
     /// [`Parameters::still_rad_per_s`] unless set: 0.2 px a frame in the default cell.
@@ -231,8 +232,8 @@ mod tests {
     #[test]
     fn a_displacement_keeps_its_direction_when_it_is_shortened() {
         let parameters = Parameters::default();
-        let [d1, d2] = parameters.shortened([1.0, -1.4]);
-        assert!((d1 - 0.25).abs() < 1e-15 && (d2 + 0.35).abs() < 1e-15);
+        let [d1, d2] = parameters.shortened([1.0, -2.0]);
+        assert!((d1 - 0.25).abs() < 1e-15 && (d2 + 0.5).abs() < 1e-15);
         assert_eq!(parameters.shortened([0.1, 0.2]), [0.1, 0.2]);
     }
 }

@@ -53,7 +53,8 @@ impl JointHistory {
     /// Joints at `time_ns`. In lock-step only the reading of that very time counts; on the wall clock it
     /// is interpolated (cubic Hermite) or, a little past the newest one, extrapolated.
     pub fn at(&self, epoch: u64, time_ns: u64, clock: Clock) -> Option<Moment> {
-        if epoch != self.epoch {
+        // On the wall clock camera and arm have lives of their own and one clock in common.
+        if clock == Clock::Lockstep && epoch != self.epoch {
             return None;
         }
         let after = self.readings.iter().position(|reading| reading.time_ns >= time_ns);

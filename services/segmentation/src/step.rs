@@ -95,3 +95,65 @@ fn message(found: &pursuit_motion::Detection, per_frame: f64) -> Detection {
         contrast: found.contrast,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pursuit_config::{Checker, Document};
+
+    fn segmenter() -> Segmenter {
+        let text = "[camera]\nwidth = 256\nheight = 256\nrate_hz = 25.0\n";
+        let Ok(document) = Document::parse("test.toml", text) else { panic!("the config is right") };
+        Segmenter::new(&Config::read(&Checker::new(&document)))
+    }
+
+    /// Field 3 (to the right) votes in a patch of 2 by 2 cells on a quiet ground.
+    fn votes(interval: u32) -> Votes {
+        let mut votes = Votes {
+            valid: 1,
+            columns: 16,
+            rows: 16,
+            cell_px: 16.0,
+            interval,
+            background_u: 3.0,
+            ..Votes::default()
+        };
+        for cell in [5 * 16 + 9, 5 * 16 + 10, 6 * 16 + 9, 6 * 16 + 10] {
+            votes.fields[2][cell] = 50.0;
+        }
+        votes.fields[2][200] = -1.0;
+        votes
+    }
+
+    #[test]
+    fn a_patch_of_votes_is_a_target_where_it_is() {
+        let target = segmenter().answer(&votes(1), None);
+        assert_eq!((target.motion.found, target.blob.found), (1, 0));
+        // Centre of the patch, and half of the displacement of 2 px to the right.
+        assert!((target.motion.u - (10.0 * 16.0 + 1.0)).abs() < 1.0, "{:?}", target.motion);
+        assert!((target.motion.v - 6.0 * 16.0).abs() < 1.0, "{:?}", target.motion);
+    }
+
+    #[test]
+    fn velocities_are_per_frame_also_where_frames_were_passed_over() {
+        let (near, far) = (segmenter().answer(&votes(1), None), segmenter().answer(&votes(2), None));
+        assert!((near.motion.vu - 2.0 * far.motion.vu).abs() < 1e-9);
+        assert!((near.background_u - 2.0 * far.background_u).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_message_that_cannot_be_is_answered_with_no_target() {
+        let mut segmenter = segmenter();
+        let sound = votes(1);
+        let wrong = [
+            Votes { valid: 0, ..sound },
+            Votes { columns: u32::MAX, rows: 2, ..sound },
+            Votes { columns: 0, ..sound },
+            Votes { cell_px: f32::NAN, ..sound },
+            Votes { background_v: f64::INFINITY, ..sound },
+        ];
+        for votes in wrong {
+            assert_eq!(segmenter.answer(&votes, None).motion.found, 0);
+        }
+    }
+}

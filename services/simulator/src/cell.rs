@@ -48,6 +48,7 @@ pub struct Cell {
     blob: [f64; 2],
     target_index: u32,
     moves: u32,
+    ended_move: Option<EndedMove>,
     /// Number of the frame that is exposed now.
     pub frame: u64,
     /// Simulated time, ns.
@@ -64,6 +65,14 @@ pub struct Cell {
 enum Scene {
     Blob,
     Vehicle,
+}
+
+/// A training move that has ended and is not evaluated yet.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct EndedMove {
+    number: u32,
+    target_index: u32,
+    arrived_cm: f64,
 }
 
 impl Fixed {
@@ -101,6 +110,7 @@ impl Cell {
             blob,
             target_index: 0,
             moves: 0,
+            ended_move: None,
             frame: 0,
             time_ns: 0,
             tracked: 0,
@@ -203,27 +213,31 @@ impl Cell {
         }
     }
 
+    /// A move counts when it has ended; the network is evaluated one frame later, when the refit that
+    /// its end set off has been merged.
     fn finished_move(
         &mut self,
         fixed: &Fixed,
         command: &WorldCommand,
         learner: Option<&LearnerState>,
     ) -> Option<MoveRecord> {
-        if command.set_point.moves <= self.moves {
-            return None;
+        let ended = self.ended_move.take();
+        if command.set_point.moves > self.moves {
+            self.moves = command.set_point.moves;
+            let camera = self.world.base_from_camera().translation;
+            let arrived_cm = 100.0 * (camera[0] - self.blob[0]).hypot(camera[1] - self.blob[1]);
+            self.ended_move = Some(EndedMove { number: self.moves, target_index: self.target_index, arrived_cm });
         }
-        self.moves = command.set_point.moves;
-        let learner = learner?;
+        let (ended, learner) = (ended?, learner?);
         let weights = learner.weights.get(..learner.weight_count as usize)?;
         let error = fixed.evaluation.one_shot_cm(weights)?;
-        let camera = self.world.base_from_camera().translation;
         Some(MoveRecord {
-            number: self.moves,
+            number: ended.number,
             frame: self.frame,
-            target_index: self.target_index,
+            target_index: ended.target_index,
             error_cm: error.median,
             error_p90_cm: error.p90,
-            arrived_cm: 100.0 * (camera[0] - self.blob[0]).hypot(camera[1] - self.blob[1]),
+            arrived_cm: ended.arrived_cm,
             ring: learner.ring,
             loss: learner.loss,
             refit_us: learner.refit_ns as f64 / 1e3,

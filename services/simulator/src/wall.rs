@@ -27,7 +27,7 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
     let mut anchor_ns = epoch;
     let cycles_per_frame = config.cell.frame_period_ns / CYCLE_NS;
     let mut tick: u64 = 0;
-    let mut last_answered = None;
+    let mut last_written = None;
     let mut state_of_learner = None;
     let mut line = String::with_capacity(1024);
     while station.turn() && !cell.is_finished(&fixed) {
@@ -54,8 +54,9 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
         if let Some((stamp, command)) = newest {
             let (mut record, moved) =
                 cell.take(&fixed, stamp.frame, &command, state_of_learner.as_ref()).map_err(other)?;
-            if last_answered != Some(stamp.frame) {
-                last_answered = Some(stamp.frame);
+            // A line for each frame, and one when the driver begins or ends to refuse.
+            if last_written != Some((stamp.frame, command.refusal)) {
+                last_written = Some((stamp.frame, command.refusal));
                 record.frame = stamp.frame;
                 record.take_times(&stamp);
                 line.clear();

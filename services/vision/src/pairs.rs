@@ -65,3 +65,101 @@ impl Pairs {
         Some(Pair { older, newer, interval, continues })
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use pursuit_bus::{Bus, FramePublisher, FrameSubscriber, Instance};
+    use pursuit_messages::{ImageShape, Stamp};
+    use std::path::PathBuf;
+
+    /// A bus of its own with a writer and a reader of frames.
+    struct Rig {
+        directory: PathBuf,
+        instance: Instance,
+        frames: Option<(FramePublisher, FrameSubscriber)>,
+    }
+
+    impl Rig {
+        fn new(name: &str) -> Rig {
+            let directory = PathBuf::from(format!("/tmp/pv{}{name}", std::process::id()));
+            let instance = Instance::at(&directory).unwrap();
+            let bus = Bus::join(&instance, "test").unwrap();
+            let frames = Some((bus.frame_publisher(64 * 64).unwrap(), bus.frame_subscriber().unwrap()));
+            Rig { directory, instance, frames }
+        }
+
+        fn frame(&self, epoch: u64, number: u64) -> FrameMessage {
+            let (writer, reader) = self.frames.as_ref().unwrap();
+            let loan = writer.loan(64 * 64).unwrap();
+            loan.send(&Stamp::new(epoch, number, number * 40, ImageShape::grey(64, 64))).unwrap();
+            reader.receive().unwrap().unwrap()
+        }
+    }
+
+    impl Drop for Rig {
+        fn drop(&mut self) {
+            self.frames = None;
+            self.instance.wipe();
+            let _ = std::fs::remove_dir_all(&self.directory);
+        }
+    }
+
+    /// Older, newer, interval, continues.
+    fn seen(pairs: &mut Pairs) -> (Option<u64>, u64, u32, bool) {
+        let pair = pairs.pair().unwrap();
+        let number = |frame: &FrameMessage| frame.stamp().frame;
+        (pair.older.map(number), number(pair.newer), pair.interval, pair.continues)
+    }
+
+    #[test]
+    fn frames_in_a_row_are_pairs_that_continue() {
+        let rig = Rig::new("a");
+        let mut pairs = Pairs::default();
+        pairs.take(rig.frame(1, 0));
+        assert_eq!(seen(&mut pairs), (None, 0, 0, false));
+        pairs.take(rig.frame(1, 1));
+        assert_eq!(seen(&mut pairs), (Some(0), 1, 1, true));
+        pairs.take(rig.frame(1, 2));
+        assert_eq!(seen(&mut pairs), (Some(1), 2, 1, true));
+    }
+
+    #[test]
+    fn a_frame_that_comes_again_is_the_same_pair() {
+        let rig = Rig::new("b");
+        let mut pairs = Pairs::default();
+        pairs.take(rig.frame(1, 4));
+        pairs.take(rig.frame(1, 5));
+        seen(&mut pairs);
+        pairs.take(rig.frame(1, 5));
+        assert_eq!(seen(&mut pairs), (Some(4), 5, 1, false));
+    }
+
+    #[test]
+    fn a_restarted_camera_shows_its_last_two_frames_again() {
+        let rig = Rig::new("c");
+        let mut pairs = Pairs::default();
+        pairs.take(rig.frame(1, 7));
+        pairs.take(rig.frame(1, 8));
+        seen(&mut pairs);
+        pairs.take(rig.frame(1, 7));
+        assert_eq!(seen(&mut pairs), (Some(7), 8, 1, false));
+        pairs.take(rig.frame(1, 8));
+        pairs.take(rig.frame(1, 9));
+        assert_eq!(seen(&mut pairs), (Some(8), 9, 1, true), "8 is what the engine saw last");
+    }
+
+    #[test]
+    fn a_new_epoch_and_a_long_gap_are_no_pair() {
+        let rig = Rig::new("d");
+        let mut pairs = Pairs::default();
+        pairs.take(rig.frame(1, 7));
+        pairs.take(rig.frame(2, 8));
+        assert_eq!(seen(&mut pairs), (None, 8, 0, false));
+        pairs.take(rig.frame(2, 10));
+        assert_eq!(seen(&mut pairs), (Some(8), 10, 2, true));
+        pairs.take(rig.frame(2, 20));
+        assert_eq!(seen(&mut pairs), (None, 20, 0, false));
+    }
+}

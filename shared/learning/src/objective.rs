@@ -82,6 +82,15 @@ mod tests {
             .collect()
     }
 
+    const THRESHOLD: f64 = 0.05;
+
+    /// The second derivative jumps at the threshold: differences across it say nothing about the first.
+    fn off_the_kink(network: &Network, sample: &Sample) -> bool {
+        let output = network.predict(sample.input);
+        let residual = (output[0] - sample.output[0]).hypot(output[1] - sample.output[1]);
+        (residual - THRESHOLD).abs() > 0.005
+    }
+
     /// Central differences with Richardson's extrapolation: error of the order of step⁴.
     fn difference(value: impl Fn(f64) -> f64) -> f64 {
         let central = |step: f64| (value(step) - value(-step)) / (2.0 * step);
@@ -94,8 +103,9 @@ mod tests {
         fn the_gradient_is_the_derivative_of_the_error(seed: u64, anchored: bool, robust: bool) {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let network = Network::random(&mut rng, anchored);
-            let samples = random_samples(&mut rng, 20);
-            let threshold = robust.then_some(0.05);
+            let mut samples = random_samples(&mut rng, 20);
+            samples.retain(|sample| off_the_kink(&network, sample));
+            let threshold = robust.then_some(THRESHOLD);
             let mut gradient = [0.0; WEIGHTS];
             let error = mean_error_and_gradient(&network, &samples, threshold, &mut gradient);
             prop_assert!((error - mean_error(&network, &samples, threshold)).abs() < 1e-15);

@@ -39,7 +39,7 @@ pub struct RefitResult {
     pub stop: Stop,
 }
 
-/// Fits the job's network to its samples, 2 to 8 ms for 100 samples. `keep_going` is asked before each
+/// Fits the job's network to its samples, some milliseconds for 100 of them. `keep_going` is asked before each
 /// iteration; what has been reached when it says no is the result.
 pub fn refit(job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
     let anchored = job.network.anchored();

@@ -4,8 +4,10 @@
 //!
 //! 16 cells lie along the shorter side. vision.md, section 2 item 7 blurs and subsamples repeatedly with
 //! `[1 3 3 1] / 8`; that is a subdivision scheme whose kernel is the quadratic B-spline with the cell's
-//! width between its knots. Here each cell is weighted with that spline in one go. It agrees with the
-//! repeated kernel (a test holds it to 1 % of the peak at 512 px), and works for cells of any width.
+//! width between its knots. Here each cell is weighted with that spline in one go, which works for cells
+//! of any width. Two deviations: votes are first summed over blocks of a quarter of a cell, which then
+//! have one weight (averaged over a block, the two kernels agree to 1 % of the peak, as a test says); and
+//! at the frame's border the repeated kernel loses a part of the votes at each stage, the spline does not.
 
 use std::fmt;
 
@@ -20,7 +22,7 @@ pub const CELLS_ALONG_SHORTER_SIDE: usize = 16;
 /// 16 bits (see `votes.rs`).
 pub(crate) const MAX_BLOCK: usize = 4;
 /// The weights of a cell sum up to 1 in this fixed point. Block sums are below 2^17, so 32 bits hold a
-/// weighted row.
+/// weighted column.
 pub(crate) const WEIGHT_ONE: i32 = 1 << 12;
 
 /// Columns, rows and width of the cells of a frame.
@@ -127,6 +129,12 @@ impl AxisWeights {
             }
         }
         axis
+    }
+
+    /// How many cells.
+    #[inline(always)]
+    pub(crate) fn cells(&self) -> usize {
+        self.first.len()
     }
 
     /// The first block and the weights of each cell, in order.

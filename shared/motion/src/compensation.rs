@@ -19,8 +19,10 @@ pub const NOMINAL_VELOCITIES: [[f64; 2]; FIELDS] = [
 /// estimate reaches it from 256 px up.
 const MAX_SHIFT_SHARE: usize = 4;
 
-/// Coherence of each field, -1..1: its spatially integrated votes over the largest that they could be.
-/// The paper leaves the weights open; these do not depend on contrast. A field with no gradient is 0.
+/// Coherence of each field: its spatially integrated votes over those of the same gradients all moving at
+/// the nominal velocity, so that this is 1, the opposite -1 (towards the upper end of the octave up to
+/// 1.22). The paper leaves the weights open; these do not depend on contrast. A field with no gradient
+/// is 0.
 pub(crate) fn coherence(sums: &[LevelSums]) -> [f64; FIELDS] {
     std::array::from_fn(|i| {
         let (level, direction) = (&sums[i / DIRECTIONS], i % DIRECTIONS);
@@ -61,7 +63,7 @@ pub(crate) fn rounded_shift(
     (round(shift.0, rest.0, width), round(shift.1, rest.1, height))
 }
 
-/// What may vote on level `k` (from 0) of `width` x `height` pixels after the older frame was moved by
+/// What may vote for the cells on level `k` (from 0) of `width` x `height` pixels after the older frame was moved by
 /// `shift` full-resolution px: not where its content came from outside or was blurred with it.
 ///
 /// vision.md, section 2 item 6 takes a margin of 2 level px, which is exact for the binomial kernel; the
@@ -78,7 +80,8 @@ pub(crate) fn voting_region(
     };
     let axis = |shift: i32, side: usize| {
         let lost = |px: i32| if px > 0 { (px as usize).div_ceil(2 << k) + margin } else { 0 };
-        (lost(shift), (side - 1).min(side.saturating_sub(lost(-shift))))
+        let end = (side - 1).min(side.saturating_sub(lost(-shift)));
+        (lost(shift).min(end), end)
     };
     Region { columns: axis(shift.0, width), rows: axis(shift.1, height) }
 }

@@ -67,7 +67,8 @@ pub struct VoteSummary {
     pub shift: (i32, i32),
     /// How often it was moved.
     pub passes: u32,
-    /// Coherence of each field on the compensated pair, -1..1.
+    /// Coherence of each field on the compensated pair: 1 where all moves at the nominal velocity, -1 at
+    /// the opposite; up to 1.22 towards the upper end of the octave.
     pub coherence: [f64; FIELDS],
     /// Sum of the absolute coherences: how loud the background still is.
     pub coherence_sum: f64,
@@ -107,13 +108,12 @@ impl VoteEngine {
         let pyramid = Pyramid::new(width, height, parameters.smoothing);
         let sizes = std::array::from_fn(|k| (pyramid.levels[k].width, pyramid.levels[k].height));
         let plans = LevelPlan::all(&grid, sizes);
-        let block_rows = plans.iter().map(|plan| plan.vertical.blocks).max().unwrap_or(0);
         Ok(VoteEngine {
             size: (width, height),
             parameters: *parameters,
             grid,
             plans,
-            scratch: SweepScratch::new(sizes[0].0, block_rows, grid.columns),
+            scratch: SweepScratch::new(sizes[0].0, grid.rows),
             newer: pyramid.clone(),
             older: pyramid.clone(),
             shifted: pyramid,
@@ -129,9 +129,8 @@ impl VoteEngine {
     /// Writes the vote fields of the pair after compensation; cells beyond the grid are left alone.
     ///
     /// The pass of the paper is: vote, estimate the translation, move the older frame, vote again. It is
-    /// repeated until the rounded shift stays or [`Parameters::passes`] are done.
-    ///
-    /// Deviation: votes that are masked after a shift do not count for the next estimate either.
+    /// repeated until the rounded shift stays or [`Parameters::passes`] are done. Votes along the border
+    /// whose partner came from outside count for the estimate, but never for the cells.
     ///
     /// # Panics
     /// If a frame is not of the engine's shape.

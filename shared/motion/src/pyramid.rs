@@ -60,7 +60,7 @@ impl Pyramid {
     }
 
     /// Fills the levels from `image` moved by `shift` whole px (right, down): the pixel at (x, y) is the
-    /// image's at (x, y) - shift. A shift costs nothing more.
+    /// image's at (x, y) - shift. A shift, shorter than the side, costs nothing more.
     pub(crate) fn build(&mut self, image: &Image<'_>, shift: (i32, i32)) {
         let [first, second, third] = &mut self.levels;
         match self.smoothing {
@@ -79,11 +79,17 @@ impl Pyramid {
     }
 }
 
-/// The five source rows around row `2 y`, repeated at the border.
+/// Row `y` of the moved frame, its border repeated, in the frame as it was.
+#[inline(always)]
+fn source_row(y: i32, shift: i32, height: usize) -> usize {
+    let last = height as i32 - 1;
+    (y.clamp(0, last) - shift).clamp(0, last) as usize
+}
+
+/// The five source rows around row `2 y` of the moved frame.
 #[inline(always)]
 fn five_rows(y: usize, shift: i32, height: usize) -> [usize; 5] {
-    let last = height as i32 - 1;
-    std::array::from_fn(|tap| (2 * y as i32 + tap as i32 - 2 - shift).clamp(0, last) as usize)
+    std::array::from_fn(|tap| source_row(2 * y as i32 + tap as i32 - 2, shift, height))
 }
 
 /// `[1 4 6 4 1]` (no division).
@@ -92,13 +98,12 @@ fn binomial(r: [u16; 5]) -> u16 {
     r[0] + r[4] + 4 * (r[1] + r[3]) + 6 * r[2]
 }
 
-/// Where the source columns lie in the sums of a row: `sums[x + radius + shift]` is column `x`.
+/// The source columns that are still inside after the move (first, end), and where the first of them
+/// lies in the sums of a row.
 #[inline(always)]
-fn place(width: usize, shift: i32, radius: usize, length: usize) -> (usize, usize, usize) {
-    let offset = radius as i32 + shift;
-    let first = (-offset).max(0) as usize;
-    let last = width.min((length as i32 - offset).max(0) as usize);
-    (first, last.max(first), (first as i32 + offset) as usize)
+fn place(width: usize, shift: i32, radius: usize) -> (usize, usize, usize) {
+    let (left, right) = (shift.max(0) as usize, (-shift).max(0) as usize);
+    (right, width - left, radius + left)
 }
 
 /// Repeats the border's sums to both ends.
@@ -113,7 +118,7 @@ fn repeat_border<T: Copy>(sums: &mut [T], from: usize, to: usize) {
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn halve_frame(image: &Image<'_>, shift: (i32, i32), out: &mut Level, sums: &mut [u16]) {
     let sums = &mut sums[..2 * out.width + 4];
-    let (first, last, at) = place(image.width(), shift.0, 2, sums.len());
+    let (first, last, at) = place(image.width(), shift.0, 2);
     let n = last - first;
     for y in 0..out.height {
         let rows = five_rows(y, shift.1, image.height()).map(|y| &image.row(y)[first..last]);
@@ -180,14 +185,14 @@ fn halve_wide<'a, T: Copy + Into<i32> + 'a>(
     sums: &mut [u32],
 ) {
     let sums = &mut sums[..2 * out.width + 2 * RADIUS];
-    let (first, last, at) = place(source.width, source.shift.0, RADIUS, sums.len());
+    let (first, last, at) = place(source.width, source.shift.0, RADIUS);
     let n = last - first;
     for y in 0..out.height {
         let middle = &mut sums[at..][..n];
         middle.fill(0);
         for (tap, weight) in GAUSSIAN.into_iter().enumerate() {
-            let from = 2 * y as i32 + tap as i32 - RADIUS as i32 - source.shift.1;
-            let row = row_of(from.clamp(0, source.height as i32 - 1) as usize);
+            let from = 2 * y as i32 + tap as i32 - RADIUS as i32;
+            let row = row_of(source_row(from, source.shift.1, source.height));
             for (sum, &value) in middle.iter_mut().zip(&row[first..last]) {
                 *sum += weight * value.into() as u32;
             }

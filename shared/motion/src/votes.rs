@@ -27,17 +27,18 @@ use crate::pyramid::{LANES, Level};
 /// Ix - Iy, Ix + Iy, Ix, Iy.
 pub(crate) const DIRECTIONS: usize = 4;
 /// 1/sqrt(2) times 2^16. Both comparisons are strict, as in the paper; `b * ROOT_HALF >> 16` is the
-/// floor of b/sqrt(2) but for 47 of the 16 321 possible b, where it is one more.
+/// floor of b/sqrt(2) but for 102 of the 16 321 possible b, where it is one more.
 const ROOT_HALF: u32 = 46341;
 
-/// The part of a level that votes: vote (x, y) is taken between the level's pixels x and x + 1.
+/// The part of a level whose votes reach the cells: vote (x, y) is taken between the level's pixels x
+/// and x + 1, y and y + 1. First and end, within the level's size less 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Region {
     pub(crate) columns: (usize, usize),
     pub(crate) rows: (usize, usize),
 }
 
-/// Votes of one level over its region: for each direction the sum of the votes, and of the largest they
+/// Votes of one whole level: for each direction the sum of the votes, and of the largest they
 /// could be. Their ratio is the coherence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct LevelSums {
@@ -51,25 +52,25 @@ pub(crate) struct SweepScratch {
     votes: [Vec<i16>; DIRECTIONS],
     norms: [Vec<u16>; DIRECTIONS],
     blocks: Vec<i32>,
-    /// Per row of blocks and direction, one value per column of cells.
+    /// Per row of cells and direction, the vertically weighted votes of each column of blocks.
     rows: Vec<i32>,
 }
 
 impl SweepScratch {
-    /// For levels up to `width` columns and plans with up to `block_rows` rows of blocks.
-    pub(crate) fn new(width: usize, block_rows: usize, grid_columns: usize) -> SweepScratch {
+    /// For levels up to `width` columns and grids of `grid_rows` rows of cells.
+    pub(crate) fn new(width: usize, grid_rows: usize) -> SweepScratch {
         let padded = width.next_multiple_of(LANES) + MAX_BLOCK;
         SweepScratch {
             votes: std::array::from_fn(|_| vec![0; padded]),
             norms: std::array::from_fn(|_| vec![0; padded]),
             blocks: vec![0; width],
-            rows: vec![0; block_rows * DIRECTIONS * grid_columns],
+            rows: vec![0; grid_rows * DIRECTIONS * width],
         }
     }
 }
 
 /// Votes on one level of a pair; writes the four fields of cells (row by row, in grey levels per frame,
-/// as the paper's M averaged over the cell) and returns the sums over the region.
+/// as the paper's M averaged over the cell, 0 outside the region) and returns the sums over the level.
 pub(crate) fn sweep(
     pair: (&Level, &Level),
     region: Region,
@@ -79,21 +80,16 @@ pub(crate) fn sweep(
 ) -> LevelSums {
     let sums = sweep_blocks(pair.0, pair.1, region, plan, scratch);
     let area = (plan.block * plan.block) as f64 * f64::from(WEIGHT_ONE) * f64::from(WEIGHT_ONE);
-    let columns = plan.horizontal.iter().count();
-    for (direction, field) in fields.iter_mut().enumerate() {
+    let blocks = plan.horizontal.blocks;
+    for (line, row) in scratch.rows.chunks_exact(blocks).enumerate().take(DIRECTIONS * plan.vertical.cells())
+    {
+        let (gy, direction) = (line / DIRECTIONS, line % DIRECTIONS);
         let scale = grey_per_unit(direction) / area;
-        for (gy, (first, weights)) in plan.vertical.iter().enumerate() {
-            let mut line = [0i64; MAX_CELLS / 16];
-            let line = &mut line[..columns];
-            for (tap, &weight) in weights.iter().enumerate() {
-                let row = &scratch.rows[((first + tap) * DIRECTIONS + direction) * columns..][..columns];
-                for (sum, &value) in line.iter_mut().zip(row) {
-                    *sum += i64::from(weight) * i64::from(value);
-                }
-            }
-            for (cell, &sum) in field[gy * columns..][..columns].iter_mut().zip(&*line) {
-                *cell = (sum as f64 * scale) as f32;
-            }
+        let cells = &mut fields[direction][gy * plan.horizontal.cells()..];
+        for (cell, (first, weights)) in cells.iter_mut().zip(plan.horizontal.iter()) {
+            let blocks = row[first..].iter().zip(weights);
+            let sum: i64 = blocks.map(|(&block, &weight)| i64::from(block) * i64::from(weight)).sum();
+            *cell = (sum as f64 * scale) as f32;
         }
     }
     sums
@@ -106,7 +102,7 @@ pub(crate) fn grey_per_unit(direction: usize) -> f64 {
     divisor / 64.0 * std::f64::consts::FRAC_1_SQRT_2
 }
 
-/// Fills `scratch.rows` with the horizontally weighted votes of each row of blocks.
+/// Fills `scratch.rows` with the vertically weighted votes of each column of blocks.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn sweep_blocks(
     older: &Level,
@@ -117,44 +113,56 @@ fn sweep_blocks(
 ) -> LevelSums {
     let SweepScratch { votes, norms, blocks, rows } = scratch;
     let blocks = &mut blocks[..plan.horizontal.blocks];
-    let columns = plan.horizontal.iter().count();
-    let (from, to) = region.columns;
-    let aligned = from / LANES * LANES;
+    let rows = &mut rows[..plan.vertical.cells() * DIRECTIONS * blocks.len()];
+    let columns = newer.width - 1;
     let mut sums = LevelSums::default();
-    for field in votes.iter_mut() {
-        field.fill(0);
-    }
-    for (strip, out) in rows.chunks_exact_mut(DIRECTIONS * columns).take(plan.vertical.blocks).enumerate() {
-        let top = (strip * plan.block).max(region.rows.0);
-        let bottom = ((strip + 1) * plan.block).min(region.rows.1);
-        if top >= bottom || from >= to {
-            out.fill(0);
-            continue;
-        }
-        let rows_of = |level: &'_ Level| top * level.stride..(bottom + 1) * level.stride;
+    rows.fill(0);
+    for (top, bottom) in strips(plan.block, newer.height - 1, region.rows) {
+        let rows_of = |level: &Level| top * level.stride..(bottom + 1) * level.stride;
         let (a, b) = (&older.values[rows_of(older)], &newer.values[rows_of(newer)]);
-        for x in (aligned..to).step_by(LANES) {
+        for x in (0..columns).step_by(LANES) {
             let (v, n) = vote_columns(a, b, older.stride, bottom - top, x);
             for d in 0..DIRECTIONS {
                 votes[d][x..x + LANES].copy_from_slice(&v[d]);
                 norms[d][x..x + LANES].copy_from_slice(&n[d]);
             }
         }
+        let inside = region.rows.0 <= top && bottom <= region.rows.1;
         for d in 0..DIRECTIONS {
-            let end = to.next_multiple_of(LANES);
-            votes[d][aligned..from].fill(0);
-            votes[d][to..end].fill(0);
+            sums.votes[d] += i64::from(votes[d][..columns].iter().map(|&v| i32::from(v)).sum::<i32>());
+            sums.norms[d] += i64::from(norms[d][..columns].iter().map(|&n| u32::from(n)).sum::<u32>());
+            if !inside {
+                continue;
+            }
+            votes[d][..region.columns.0].fill(0);
+            votes[d][region.columns.1..].fill(0);
             sum_blocks(&votes[d], plan.block, blocks);
-            sums.votes[d] += i64::from(blocks.iter().sum::<i32>());
-            sums.norms[d] += i64::from(norms[d][from..to].iter().map(|&n| u32::from(n)).sum::<u32>());
-            let line = &mut out[d * columns..][..columns];
-            for (cell, (first, weights)) in line.iter_mut().zip(plan.horizontal.iter()) {
-                let blocks = &blocks[first..][..weights.len()];
-                *cell = blocks.iter().zip(weights).map(|(block, weight)| block * weight).sum();
+            let strip = top / plan.block;
+            for (gy, (first, weights)) in plan.vertical.iter().enumerate() {
+                let Some(&weight) = strip.checked_sub(first).and_then(|tap| weights.get(tap)) else {
+                    continue;
+                };
+                let row = &mut rows[(gy * DIRECTIONS + d) * blocks.len()..][..blocks.len()];
+                for (sum, block) in row.iter_mut().zip(&*blocks) {
+                    *sum += weight * block;
+                }
             }
         }
     }
     sums
+}
+
+/// The rows of blocks of `height` rows of votes, cut where the region begins and ends (first row, end).
+#[inline(always)]
+fn strips(block: usize, height: usize, region: (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
+    let mut top = 0;
+    std::iter::from_fn(move || {
+        let next = ((top / block + 1) * block).min(height);
+        let cut = |bottom: usize, edge: usize| if top < edge && edge < bottom { edge } else { bottom };
+        let strip = (top, cut(cut(next, region.1), region.0));
+        top = strip.1;
+        (strip.0 < strip.1).then_some(strip)
+    })
 }
 
 /// Sums of `block` neighbouring columns each.
@@ -191,16 +199,19 @@ fn vote_columns(
 ) -> ([[i16; LANES]; DIRECTIONS], [[u16; LANES]; DIRECTIONS]) {
     let mut votes = [[0i16; LANES]; DIRECTIONS];
     let mut norms = [[0u16; LANES]; DIRECTIONS];
+    let (p, q) = (lanes(a, x), lanes(b, x));
     let (mut s0, mut s1, mut d) = ([0i16; LANES], [0i16; LANES], [0i16; LANES]);
-    let (p, q) = (&a[x..x + LANES + 1], &b[x..x + LANES + 1]);
     for l in 0..LANES {
         s0[l] = p[l] + q[l];
+    }
+    for l in 0..LANES {
         s1[l] = p[l + 1] + q[l + 1];
+    }
+    for l in 0..LANES {
         d[l] = (q[l] - p[l]) + (q[l + 1] - p[l + 1]);
     }
     for row in 1..=rows {
-        let at = row * stride + x;
-        let (p, q) = (&a[at..at + LANES + 1], &b[at..at + LANES + 1]);
+        let (p, q) = (lanes(a, row * stride + x), lanes(b, row * stride + x));
         for l in 0..LANES {
             let below0 = p[l] + q[l];
             let below1 = p[l + 1] + q[l + 1];
@@ -221,6 +232,12 @@ fn vote_columns(
         }
     }
     (votes, norms)
+}
+
+/// The pixels that the votes of [`LANES`] columns from `at` on need.
+#[inline(always)]
+fn lanes(level: &[i16], at: usize) -> &[i16; LANES + 1] {
+    level[at..].first_chunk().expect("a level's rows are padded by the lanes of one block")
 }
 
 /// The paper's M = - sqrt(It^2 + d^2) sgn(It) sgn(d) T(It, d), in units of 1/64 grey level x `2^BITS` /

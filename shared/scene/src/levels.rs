@@ -5,6 +5,7 @@
 //! have made of the scene; bilinear interpolation within it is then nearly free of aliasing.
 
 use crate::texture::Torus;
+use crate::warp::ROUNDING;
 
 /// Blur of lens and pixel aperture together, standard deviation in pixels.
 pub(crate) const PSF_SIGMA_PX: f64 = 0.5;
@@ -43,18 +44,19 @@ pub(crate) struct Choice<'a> {
 impl Levels {
     /// Filters `torus`, whose texels are `texel_m` wide, with `prefilter_texels` texels of blur on each level.
     pub(crate) fn new(torus: &Torus, texel_m: f64, prefilter_texels: f64) -> Self {
-        let base: Vec<f32> = torus.grey.iter().map(|&g| f32::from(g)).collect();
-        let mut image = Plane { side: torus.side, grey: base }.blurred(prefilter_texels, 1);
+        let base = Plane { side: torus.side, grey: &torus.grey };
+        let mut image = base.blurred(prefilter_texels, 1);
         let mut levels = Vec::with_capacity(LEVELS);
         for k in 0..LEVELS {
             levels.push(Level {
                 side: image.side,
                 texel_m: texel_m * f64::from(1u32 << k),
-                quads: image.quads(),
+                quads: quads(&image),
             });
             if k + 1 < LEVELS {
                 // from c to 2c texels of blur, then every second texel
-                image = image.blurred(3f64.sqrt() * prefilter_texels, 2);
+                let finer = Plane { side: image.side, grey: &image.grey };
+                image = finer.blurred(3f64.sqrt() * prefilter_texels, 2);
             }
         }
         Self { levels, base_sigma_m: prefilter_texels * texel_m }
@@ -78,54 +80,60 @@ impl Levels {
     }
 }
 
-/// A toroidal image in the making.
-struct Plane {
+/// A toroidal image.
+struct Plane<T> {
     side: usize,
-    grey: Vec<f32>,
+    grey: T,
 }
 
-impl Plane {
-    /// Convolved with a Gaussian of `sigma` texels, keeping every `step`-th texel of every `step`-th row.
-    fn blurred(&self, sigma: f64, step: usize) -> Plane {
+impl<G: Copy + Into<f32>> Plane<&Vec<G>> {
+    /// Convolved with a Gaussian of `sigma` texels, keeping every `step`-th texel (1 or 2) of every `step`-th row.
+    fn blurred(&self, sigma: f64, step: usize) -> Plane<Vec<f32>> {
         let kernel = gaussian_kernel(sigma);
         let side = self.side / step;
         let radius = kernel.len() / 2;
+        let wrapped = |i: usize| (i + self.side * kernel.len() - radius) & (self.side - 1);
+        // the row with its continuation at both ends; for step 2 its even texels, then its odd ones
+        let half = (self.side + 2 * radius).div_ceil(step);
+        let mut padded = vec![0.0; half * step];
         let mut across = vec![0.0; side * self.side];
-        let mut padded = vec![0.0; self.side + 2 * radius];
         for (source, target) in self.grey.chunks_exact(self.side).zip(across.chunks_exact_mut(side)) {
-            for (i, p) in padded.iter_mut().enumerate() {
-                *p = source[(i + self.side * kernel.len() - radius) & (self.side - 1)];
+            for (phase, part) in padded.chunks_exact_mut(half).enumerate() {
+                for (i, p) in part.iter_mut().enumerate() {
+                    *p = source[wrapped(i * step + phase)].into();
+                }
             }
-            blur_row(&padded, &kernel, step, target);
+            let tap = |i: usize| &padded[i % step * half + i / step..][..side];
+            sum_rows(target, kernel.iter().enumerate().map(|(i, &weight)| (tap(i), weight)));
         }
         let mut grey = vec![0.0; side * side];
         for (y, target) in grey.chunks_exact_mut(side).enumerate() {
-            for (i, &weight) in kernel.iter().enumerate() {
-                let row = (y * step + self.side * kernel.len() + i - radius) & (self.side - 1);
-                add_row(target, &across[row * side..(row + 1) * side], weight);
-            }
+            let tap = |i: usize| &across[wrapped(y * step + i) * side..][..side];
+            sum_rows(target, kernel.iter().enumerate().map(|(i, &weight)| (tap(i), weight)));
         }
         Plane { side, grey }
     }
+}
 
-    /// Rounded, and packed for the look-up.
-    fn quads(&self) -> Vec<u32> {
-        let side = self.side;
-        let grey: Vec<u32> = self.grey.iter().map(|&g| u32::from((g + 0.5) as u8)).collect();
-        let mut quads = vec![0; side * side];
-        for (y, row) in quads.chunks_exact_mut(side).enumerate() {
-            let upper = &grey[y * side..(y + 1) * side];
-            let below = (y + 1) & (side - 1);
-            let lower = &grey[below * side..(below + 1) * side];
-            let pack =
-                |x: usize, next: usize| upper[x] | upper[next] << 8 | lower[x] << 16 | lower[next] << 24;
-            for (x, quad) in row.iter_mut().enumerate().take(side - 1) {
-                *quad = pack(x, x + 1);
-            }
-            row[side - 1] = pack(side - 1, 0);
+/// The level's texels, rounded, and packed for the look-up.
+fn quads(image: &Plane<Vec<f32>>) -> Vec<u32> {
+    let side = image.side;
+    let mut quads = vec![0; side * side];
+    // first the pair of neighbours in each row, then the pair below beside it
+    for (quads, grey) in quads.chunks_exact_mut(side).zip(image.grey.chunks_exact(side)) {
+        let byte = |g: f32| (g + ROUNDING).to_bits() & 255;
+        for (quad, pair) in quads.iter_mut().zip(grey.windows(2)) {
+            *quad = byte(pair[0]) | byte(pair[1]) << 8;
         }
-        quads
+        quads[side - 1] = byte(grey[side - 1]) | byte(grey[0]) << 8;
     }
+    let first: Vec<u32> = quads[..side].to_vec();
+    for y in 0..side {
+        let (upper, lower) = quads[y * side..].split_at_mut(side);
+        let lower = if y + 1 < side { &lower[..side] } else { &first };
+        upper.iter_mut().zip(lower).for_each(|(quad, below)| *quad |= (below & 0xffff) << 16);
+    }
+    quads
 }
 
 fn gaussian_kernel(sigma: f64) -> Vec<f32> {
@@ -137,20 +145,10 @@ fn gaussian_kernel(sigma: f64) -> Vec<f32> {
     weights.iter().map(|w| (w / sum) as f32).collect()
 }
 
-#[multiversion::multiversion(targets("x86_64+avx2"))]
-fn blur_row(padded: &[f32], kernel: &[f32], step: usize, target: &mut [f32]) {
+/// The weighted sum of rows.
+fn sum_rows<'a>(target: &mut [f32], rows: impl Iterator<Item = (&'a [f32], f32)>) {
     target.fill(0.0);
-    for (i, &weight) in kernel.iter().enumerate() {
-        if step == 1 {
-            for (t, s) in target.iter_mut().zip(&padded[i..]) {
-                *t += weight * s;
-            }
-        } else {
-            for (t, s) in target.iter_mut().zip(padded[i..].iter().step_by(step)) {
-                *t += weight * s;
-            }
-        }
-    }
+    rows.for_each(|(row, weight)| add_row(target, row, weight));
 }
 
 #[multiversion::multiversion(targets("x86_64+avx2"))]

@@ -25,6 +25,9 @@ pub const BLOB_RADIUS_M: f64 = 0.025;
 /// Largest contrast that the uniform distribution of the leaves' grey levels holds within 0 to 255.
 const MAX_CONTRAST_SD: f64 = 73.0;
 
+/// With coarser texels the smallest leaf, 1.5 mm, is none.
+const COARSEST_TEXEL_M: f64 = 0.002;
+
 /// How carefully the texture is prefiltered before the bilinear look-up (design/simulator.md section 3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
@@ -137,7 +140,7 @@ impl SceneParameters {
         let power = if texels.is_power_of_two() { texels as f64 } else { f64::NAN };
         within("texture_texels (a power of two)", power, 256.0, 8192.0)?;
         let smallest = crate::texture::SMALLEST_TORUS_M / texels as f64;
-        within("texel_m", self.texel_m, smallest.max(1e-4), 0.01)?;
+        within("texel_m", self.texel_m, smallest.max(1e-4), COARSEST_TEXEL_M)?;
         within("contrast_sd", self.contrast_sd, 0.0, MAX_CONTRAST_SD)?;
         within("noise_sigma", self.noise_sigma, 0.0, 50.0)?;
         for (name, value) in

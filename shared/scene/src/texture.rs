@@ -15,8 +15,8 @@ const CLOTH_MEAN: f64 = 30.0;
 const CLOTH_SD: f64 = 5.2;
 /// A texture must repeat after more than a leaf's diameter.
 pub(crate) const SMALLEST_TORUS_M: f64 = 4.0 * LEAF_RADIUS_M[1];
-/// How often the average texel is painted over: e^-7, a thousandth, keeps the ground's grey.
-const LAYERS: f64 = 7.0;
+/// How often the average texel is painted over: e^-5, less than a hundredth, keeps the ground's mean grey.
+const LAYERS: f64 = 5.0;
 /// Leaves are ellipses with an axis ratio from this to 1.
 const LEAST_AXIS_RATIO: f64 = 0.5;
 
@@ -86,15 +86,12 @@ fn fill_ellipse(torus: &mut Torus, centre: [f64; 2], axes: [f64; 2], direction: 
     let (p, q) = (1.0 / (axes[0] * axes[0]), 1.0 / (axes[1] * axes[1]));
     let (a, b) = (c * c * p + s * s * q, c * s * (p - q));
     let reach = a.sqrt() * axes[0] * axes[1];
+    let (widest_square, drift, narrowing) = (1.0 / a, b / a, 1.0 / (a * reach * reach));
     let mask = torus.side as i32 - 1;
     for row in ceil(centre[1] - reach)..=floor(centre[1] + reach) {
         let y = f64::from(row) - centre[1];
-        let left = 1.0 - y * y / (reach * reach);
-        if left <= 0.0 {
-            continue;
-        }
-        let half = (left / a).sqrt();
-        let middle = centre[0] - b * y / a;
+        let half = (widest_square - y * y * narrowing).max(0.0).sqrt();
+        let middle = centre[0] - drift * y;
         let (first, last) = (ceil(middle - half), floor(middle + half));
         if first > last {
             continue;

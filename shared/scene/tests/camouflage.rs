@@ -67,10 +67,10 @@ fn along_outline(image: &Image, view: &View, place: [f64; 2]) -> [f64; 2] {
 
 #[test]
 fn outline_is_hardly_stronger_than_a_phantom_outline() {
-    const SEEDS: u64 = 10;
+    const SEEDS: u64 = 6;
     let (mut real, mut phantom) = ([0.0; 2], [0.0; 2]);
     for seed in 0..SEEDS {
-        let mut scene = Scene::new(&SceneParameters { seed, texture_texels: 1024, ..Default::default() });
+        let mut scene = Scene::new(&SceneParameters { seed, texture_texels: 512, ..Default::default() });
         for turn in 0..4 {
             let mut view = view(seed);
             view.target_heading += f64::from(turn) * 0.8;
@@ -103,9 +103,9 @@ fn vehicle_and_table_have_the_same_mean_and_contrast() {
         (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64)
     };
     let (mut roofs, mut tables) = ((0.0, 0.0), (0.0, 0.0));
-    const SEEDS: u64 = 24;
+    const SEEDS: u64 = 16;
     for seed in 0..SEEDS {
-        let parameters = SceneParameters { seed, texture_texels: 1024, ..Default::default() };
+        let parameters = SceneParameters { seed, texture_texels: 512, ..Default::default() };
         let mut scene = Scene::new(&parameters);
         let view = view(seed);
         let image = render(&mut scene, &view);
@@ -120,8 +120,8 @@ fn vehicle_and_table_have_the_same_mean_and_contrast() {
     let n = SEEDS as f64;
     let (roof_sd, table_sd) = ((roofs.1 / n).sqrt(), (tables.1 / n).sqrt());
     println!("roof {:.1} ± {roof_sd:.1}, table {:.1} ± {table_sd:.1}", roofs.0 / n, tables.0 / n);
-    // the mean of a patch this small has a deviation of about 16 grey levels, so the mean of 24 of 3.3
-    assert!((roofs.0 - tables.0).abs() / n < 10.0);
+    // the mean of a patch this small has a deviation of about 16 grey levels, so the mean of 16 of 4
+    assert!((roofs.0 - tables.0).abs() / n < 12.0);
     assert!((roof_sd / table_sd - 1.0).abs() < 0.15);
 }
 

@@ -113,16 +113,16 @@ impl Cycles {
         self.waiting.len()
     }
 
-    /// Lets the cycles that are due at `now_ns` pass, and starts the drives' own stop where the next
-    /// cycle does not follow at once on a moving one.
-    pub fn advance(&mut self, now_ns: u64) {
-        self.pass_due(now_ns);
+    /// Prepares the set-point for a step that begins at `now_ns`: lets the due cycles pass, and starts
+    /// the drives' own stop where no cycle follows at once on a moving one.
+    pub fn begin_step(&mut self, now_ns: u64) {
+        self.end_step(now_ns);
         let moving = self.previous.velocity.iter().any(|velocity| *velocity != 0.0);
         let begins_ns = self.waiting.front().map_or(u64::MAX, |next| next.begins_ns());
         if moving && self.previous.due_ns <= now_ns && begins_ns > now_ns {
             self.stopping = self.waiting.is_empty();
             self.waiting.push_front(self.stop_from(&self.previous, begins_ns));
-            self.pass_due(now_ns);
+            self.end_step(now_ns);
         }
     }
 
@@ -145,7 +145,9 @@ impl Cycles {
         (position, velocity)
     }
 
-    fn pass_due(&mut self, now_ns: u64) {
+    /// Lets the cycles that are due at `now_ns` pass. The drives' own stop does not start yet: a command
+    /// at this very time still continues the last cycle.
+    pub fn end_step(&mut self, now_ns: u64) {
         while let Some(cycle) = self.waiting.front().copied().filter(|cycle| cycle.due_ns <= now_ns) {
             self.previous = cycle;
             self.waiting.pop_front();
@@ -225,7 +227,7 @@ mod tests {
         // 8 rad/s^2 from rest: 0.0004 rad and 0.08 rad/s after 10 ms.
         cycles.accept(0, &[cycle(10, 0.0004, 0.08), cycle(20, 0.0016, 0.16)]).unwrap();
         for ms in 0..=20 {
-            cycles.advance(ms * MS);
+            cycles.begin_step(ms * MS);
             let time_s = ms as f64 * 1e-3;
             let (position, velocity) = joint1(&cycles, ms * MS);
             assert!((position - 4.0 * time_s * time_s).abs() < 1e-12, "{ms} ms: {position}");
@@ -237,7 +239,7 @@ mod tests {
     fn it_holds_until_the_first_cycle_begins() {
         let mut cycles = queue();
         cycles.accept(0, &[cycle(90, 0.0004, 0.08)]).unwrap();
-        cycles.advance(79 * MS);
+        cycles.begin_step(79 * MS);
         assert_eq!(joint1(&cycles, 79 * MS), (0.0, 0.0));
         assert!(joint1(&cycles, 85 * MS).0 > 0.0);
     }
@@ -247,7 +249,7 @@ mod tests {
         let mut cycles = queue();
         cycles.accept(0, &[cycle(10, 0.0, 0.4)]).unwrap();
         for ms in 0..200 {
-            cycles.advance(ms * MS);
+            cycles.begin_step(ms * MS);
         }
         // v^2 / 2a = 0.01 rad, after 50 ms.
         assert!((joint1(&cycles, 199 * MS).0 - 0.01).abs() < 1e-9);
@@ -257,11 +259,23 @@ mod tests {
     }
 
     #[test]
+    fn at_the_due_time_of_the_last_cycle_it_is_still_the_issued_one() {
+        let mut cycles = queue();
+        cycles.accept(0, &[cycle(10, 0.0, 0.4)]).unwrap();
+        cycles.begin_step(9 * MS);
+        cycles.end_step(10 * MS);
+        assert_eq!(cycles.last().velocity[0], 0.4);
+        cycles.accept(10 * MS, &[cycle(20, 0.004, 0.4)]).unwrap();
+        cycles.begin_step(10 * MS);
+        assert!((joint1(&cycles, 15 * MS).1 - 0.4).abs() < 1e-9);
+    }
+
+    #[test]
     fn a_command_ends_the_drives_own_stop_where_it_is() {
         let mut cycles = queue();
         cycles.accept(0, &[cycle(10, 0.0, 0.4)]).unwrap();
         for ms in 0..=35 {
-            cycles.advance(ms * MS);
+            cycles.begin_step(ms * MS);
         }
         let before = joint1(&cycles, 35 * MS);
         assert!((before.1 - 0.2).abs() < 1e-9, "{before:?}");
@@ -275,7 +289,7 @@ mod tests {
         let mut cycles = queue();
         cycles.accept(0, &[cycle(10, 0.0, 0.4), cycle(40, 0.05, 0.4)]).unwrap();
         for ms in 0..=30 {
-            cycles.advance(ms * MS);
+            cycles.begin_step(ms * MS);
         }
         assert_eq!(joint1(&cycles, 30 * MS).1, 0.0);
         assert_eq!(cycles.last().due_ns, 40 * MS);

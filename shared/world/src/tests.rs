@@ -93,8 +93,8 @@ fn the_camera_is_where_the_joints_put_it() {
     let world = World::new(&parameters(FAST_SUBSTEPS)).unwrap();
     let pose = world.base_from_camera();
     let expected = [0.671591, -0.15005, 0.5];
-    for axis in 0..3 {
-        assert!((pose.translation[axis] - expected[axis]).abs() < 2e-6, "{pose:?}");
+    for (is, expected) in pose.translation.iter().zip(expected) {
+        assert!((is - expected).abs() < 2e-6, "{pose:?}");
     }
     // Half a turn about the base's x axis: x outward, y against the turn, z down.
     assert!((pose.rotation[0].abs() - 1.0).abs() < 1e-6, "{pose:?}");

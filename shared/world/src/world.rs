@@ -184,7 +184,7 @@ impl World {
             return Err(WorldError::Vehicle { time_ns: self.time_ns });
         }
         let WorldParameters { arm, masses, drives, step_ns, substeps, .. } = &self.parameters;
-        self.cycles.advance(self.time_ns);
+        self.cycles.begin_step(self.time_ns);
         // rapier takes the target as that of the start of each substep and moves it with its velocity;
         // it is set once, so its mean over the substeps is given.
         let lead_ns = step_ns * (*substeps as u64 - 1) / (2 * *substeps as u64);
@@ -194,7 +194,7 @@ impl World {
         self.bodies.place_vehicle(&vehicle);
         let sound = self.bodies.step();
         self.time_ns += step_ns;
-        self.cycles.advance(self.time_ns);
+        self.cycles.end_step(self.time_ns);
         let (position, velocity) = self.bodies.joint_state();
         if sound && position.iter().chain(&velocity).all(|value| value.is_finite()) {
             Ok(())

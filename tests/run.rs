@@ -1,0 +1,126 @@
+//! Whole runs of real processes: what a run reports, and that it is the same whoever was killed in it.
+
+mod support;
+
+use rustix::process::Signal;
+use serde_json::Value;
+use support::{Place, json, kill, pid_of};
+
+const FRAMES: &str = "40";
+
+/// A short run with the given arguments; its report.
+fn report(place: &Place, more: &[&str]) -> Value {
+    let file = place.file("report.json");
+    let name = file.display().to_string();
+    let mut arguments = vec!["--frames", FRAMES, "--json", name.as_str()];
+    arguments.extend(more);
+    let (status, _) = place.up(&arguments).end();
+    assert!(status.success(), "{status}\n{}", place.log());
+    json(&file)
+}
+
+#[test]
+fn a_run_ends_by_itself_and_reports_what_it_did() {
+    let place = Place::new();
+    let report = report(&place, &["--seed", "3"]);
+    assert_eq!(report["seed"], 3);
+    assert!(report["frames"].as_u64().is_some_and(|frames| frames > 40), "{report}");
+    let moves = report["learning"]["moves"].as_array().expect("moves");
+    assert_eq!(moves.len(), 4);
+    assert!(moves.iter().all(|m| m["error_cm"].as_f64().is_some_and(|e| e > 0.0 && e.is_finite())));
+    let tracking = &report["tracking"];
+    for key in ["median_cm", "rms_cm", "max_cm", "detected_share"] {
+        assert!(tracking[key].as_f64().is_some_and(f64::is_finite), "tracking.{key} in {report}");
+    }
+    for hop in ["acquisition", "vision", "segmentation", "learner", "arm-driver", "end_to_end"] {
+        let latency = &report["latency_us"][hop];
+        let (p50, p99) = (latency["p50"].as_f64(), latency["p99"].as_f64());
+        assert!(p50 > Some(0.0) && p99 >= p50, "latency_us.{hop} in {report}");
+    }
+    assert_eq!(report["restarts"], 0);
+    assert!(report["rate_hz"].as_f64() > Some(0.0));
+    assert_eq!(report["trajectory_sha256"].as_str().map(str::len), Some(64));
+    place.assert_nothing_left();
+}
+
+#[test]
+fn one_seed_gives_one_trajectory_and_another_seed_another() {
+    let (one, again, other) = (Place::new(), Place::new(), Place::new());
+    let hash = |report: &Value| report["trajectory_sha256"].as_str().expect("a hash").to_owned();
+    let first = hash(&report(&one, &["--seed", "5"]));
+    assert_eq!(first, hash(&report(&again, &["--seed", "5"])));
+    assert_ne!(first, hash(&report(&other, &["--seed", "6"])));
+}
+
+#[test]
+fn one_process_gives_the_same_trajectory_as_six() {
+    let place = Place::new();
+    let processes = report(&place, &["--seed", "7", "--set", "camera.rate_hz=12.5"]);
+    let file = place.file("experiment.json");
+    let output = support::pursuit()
+        .args(["experiment", "tracking", "--seeds", "1", "--first-seed", "7"])
+        .args(["--set", "learner.training_moves=4", "--set", &format!("simulator.frames={FRAMES}")])
+        .arg("--json")
+        .arg(&file)
+        .arg("--plots")
+        .arg(place.file("plots"))
+        .output()
+        .expect("pursuit experiment runs");
+    assert!(output.status.success(), "{}", support::text(&output).1);
+    assert_eq!(json(&file)["runs"][0]["trajectory_sha256"][0], processes["trajectory_sha256"]);
+}
+
+/// Kills one service with SIGKILL in training and again in tracking; the trajectory must be that of an
+/// undisturbed run, to the bit.
+fn survives_the_death_of(service: &str) {
+    let calm = Place::new();
+    let expected = report(&calm, &["--seed", "9"]);
+
+    let place = Place::new();
+    let file = place.file("report.json");
+    let name = file.display().to_string();
+    let mut system = place.up(&["--frames", FRAMES, "--seed", "9", "--set", "run.pace=real", "--json", &name]);
+    let services = system.wait_until_running();
+    system.wait_for_phase(0);
+    kill(pid_of(&services, service), Signal::KILL);
+    let services = system.wait_until_running();
+    system.wait_for_phase(2);
+    kill(pid_of(&services, service), Signal::KILL);
+    let (status, _) = system.end();
+    assert!(status.success(), "{status}\n{}", place.log());
+    let report = json(&file);
+    assert!(report["restarts"].as_u64() >= Some(1), "nobody was restarted: {report}");
+    assert_eq!(report["trajectory_sha256"], expected["trajectory_sha256"], "{}", place.log());
+    assert_eq!(report["learning"], expected["learning"]);
+    place.assert_nothing_left();
+}
+
+#[test]
+fn a_killed_acquisition_changes_nothing() {
+    survives_the_death_of("acquisition");
+}
+
+#[test]
+fn a_killed_vision_changes_nothing() {
+    survives_the_death_of("vision");
+}
+
+#[test]
+fn a_killed_segmentation_changes_nothing() {
+    survives_the_death_of("segmentation");
+}
+
+#[test]
+fn a_killed_learner_changes_nothing() {
+    survives_the_death_of("learner");
+}
+
+#[test]
+fn a_killed_arm_driver_changes_nothing() {
+    survives_the_death_of("arm-driver");
+}
+
+#[test]
+fn a_killed_simulator_changes_nothing() {
+    survives_the_death_of("simulator");
+}

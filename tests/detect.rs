@@ -108,7 +108,8 @@ fn bad_folders_give_one_clear_line_and_exit_code_2() {
     ];
     for (what, files) in cases {
         let place = Place::new();
-        let output = pursuit().arg("detect").arg(folder_of(&place, &files)).arg("--json").output().expect("runs");
+        let output =
+            pursuit().arg("detect").arg(folder_of(&place, &files)).arg("--json").output().expect("runs");
         let (_, errors) = text(&output);
         assert_eq!(output.status.code(), Some(2), "{what}: {errors}");
         assert_eq!(errors.lines().count(), 1, "{what}: {errors}");
@@ -142,7 +143,8 @@ fn real_sequences_are_answered_frame_by_frame() {
         let (width, height) = (number(&meta["width"]), number(&meta["height"]));
         for line in lines.iter().filter(|line| !line["target"].is_null()) {
             let (u, v) = (number(&line["target"]["u"]), number(&line["target"]["v"]));
-            let inside = (-0.1 * width..1.1 * width).contains(&u) && (-0.1 * height..1.1 * height).contains(&v);
+            let inside =
+                (-0.1 * width..1.1 * width).contains(&u) && (-0.1 * height..1.1 * height).contains(&v);
             assert!(inside, "{}: {line}", folder.display());
         }
         seen += 1;

@@ -65,7 +65,8 @@ fn each_library_is_known_only_where_it_belongs() {
 
 #[test]
 fn pure_crates_know_no_clock_file_log_bus_or_thread() {
-    let forbidden = ["std::time::Instant", "SystemTime", "std::fs", "std::net", "std::thread", "tracing", "println!"];
+    let forbidden =
+        ["std::time::Instant", "SystemTime", "std::fs", "std::net", "std::thread", "tracing", "println!"];
     for name in ["motion", "learning", "kinematics", "scene", "world"] {
         let manifest = read(&format!("shared/{name}/Cargo.toml"));
         for other in ["pursuit-bus", "pursuit-runtime", "pursuit-messages", "tracing"] {
@@ -87,7 +88,8 @@ fn pure_crates_know_no_clock_file_log_bus_or_thread() {
 
 #[test]
 fn no_service_names_another() {
-    let services: Vec<String> = crates().into_iter().map(|c| c.0).filter(|n| n.starts_with("services/")).collect();
+    let services: Vec<String> =
+        crates().into_iter().map(|c| c.0).filter(|n| n.starts_with("services/")).collect();
     for (name, manifest) in crates() {
         for service in &services {
             let package = format!("pursuit-{}", service.trim_start_matches("services/"));
@@ -101,7 +103,10 @@ fn no_service_names_another() {
 fn files_stay_short_enough_to_be_read() {
     for group in ["services", "shared"] {
         for path in sources_below(&root().join(group)) {
-            if path.components().any(|part| ["tests", "tests.rs", "benches"].iter().any(|t| part.as_os_str() == *t)) {
+            if path
+                .components()
+                .any(|part| ["tests", "tests.rs", "benches"].iter().any(|t| part.as_os_str() == *t))
+            {
                 continue;
             }
             let text = std::fs::read_to_string(&path).expect("a source file");
@@ -132,7 +137,8 @@ fn documents_name_only_what_exists() {
         let text = read(document);
         for word in text.split(|c: char| c.is_whitespace() || "`()[]|,;".contains(c)) {
             let word = word.trim_end_matches(['.', ':']);
-            let looks_like_a_path = ["services/", "shared/", "config/", "tests/", "ops/"].iter().any(|p| word.starts_with(p));
+            let looks_like_a_path =
+                ["services/", "shared/", "config/", "tests/", "ops/"].iter().any(|p| word.starts_with(p));
             if looks_like_a_path && !word.contains('*') && !word.contains('…') {
                 assert!(root().join(word).exists(), "{document} names {word}, which does not exist");
             }
@@ -164,7 +170,9 @@ fn every_config_key_that_is_read_stands_in_sim_toml_with_a_comment() {
             for reader in ["float", "integer", "flag", "text", "path", "floats", "choice"] {
                 for call in [format!(".{reader}_or("), format!(".{reader}(")] {
                     for rest in text.split(&call).skip(1) {
-                        if let Some(key) = rest.trim_start().strip_prefix('"').and_then(|r| r.split('"').next()) {
+                        if let Some(key) =
+                            rest.trim_start().strip_prefix('"').and_then(|r| r.split('"').next())
+                        {
                             keys.insert(key.to_owned());
                         }
                     }

@@ -79,7 +79,8 @@ fn survives_the_death_of(service: &str) {
     let place = Place::new();
     let file = place.file("report.json");
     let name = file.display().to_string();
-    let mut system = place.up(&["--frames", FRAMES, "--seed", "9", "--set", "run.pace=real", "--json", &name]);
+    let mut system =
+        place.up(&["--frames", FRAMES, "--seed", "9", "--set", "run.pace=real", "--json", &name]);
     let services = system.wait_until_running();
     system.wait_for_phase(0);
     kill(pid_of(&services, service), Signal::KILL);

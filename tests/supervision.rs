@@ -143,7 +143,10 @@ fn a_camera_folder_that_vanishes_is_reported_and_the_arm_holds() {
         })
     };
     let services = state_of_camera("no-input").unwrap_or_else(|| panic!("not reported\n{}", place.log()));
-    assert!(services.iter().all(|s| s["restarts"] == 0), "a missing camera is no reason to restart: {services:?}");
+    assert!(
+        services.iter().all(|s| s["restarts"] == 0),
+        "a missing camera is no reason to restart: {services:?}"
+    );
     // Without frames the last set-point grows old: the driver refuses it as stale (refusal 3).
     let refused = wait_for(|| {
         let text = std::fs::read_to_string(place.run_dir().join("journal.csv")).ok()?;

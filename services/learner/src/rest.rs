@@ -62,7 +62,7 @@ impl Observation {
     /// Takes the frame in, if the arm has been still long enough and frames are still wanted; begins anew
     /// when the arm moves.
     pub(crate) fn take(&mut self, moment: &Moment, parameters: &Parameters) {
-        if !(moment.speed < parameters.still_rad_per_s) {
+        if moment.speed >= parameters.still_rad_per_s {
             *self = Observation::default();
             return;
         }

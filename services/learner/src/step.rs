@@ -30,7 +30,8 @@ pub struct Output {
     pub state: LearnerState,
 }
 
-/// What the learner is doing.
+/// What the learner is doing. There is one of it: that its variants differ in size costs nothing.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Activity {
     /// Training: the arm comes to rest and is at rest; looks, then decides.

@@ -9,7 +9,7 @@ use pursuit_learner::step::Learner;
 use pursuit_messages::Phase;
 use support::{Conditions, Run, finish_refit, quantile, train};
 
-const SEEDS: u64 = 6;
+const SEEDS: u64 = 5;
 
 fn runs(parameters: &Parameters) -> Vec<Run> {
     (0..SEEDS).map(|seed| train(parameters, seed, Conditions::default()).0).collect()

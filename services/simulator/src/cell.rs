@@ -18,9 +18,6 @@ use sha2::{Digest, Sha256};
 /// Step of the vehicle's motion, s: that of the physics.
 const VEHICLE_STEP_S: f64 = 0.001;
 
-/// Where the vehicle waits during training: off the table.
-const PARKED: VehiclePose = VehiclePose { x_m: 10.0, y_m: 10.0, heading_rad: 0.0 };
-
 /// What stops a cell.
 #[derive(Debug, thiserror::Error)]
 pub enum CellError {
@@ -186,7 +183,7 @@ impl Cell {
         let (vehicle, moving) = (&mut self.vehicle, self.scene == Scene::Vehicle);
         self.world.step_until(time_ns, |_| {
             if !moving {
-                return PARKED;
+                return VehiclePose::PARKED;
             }
             vehicle.advance(VEHICLE_STEP_S);
             let pose = vehicle.pose();
@@ -226,7 +223,8 @@ impl Cell {
             self.moves = command.set_point.moves;
             let camera = self.world.base_from_camera().translation;
             let arrived_cm = 100.0 * (camera[0] - self.blob[0]).hypot(camera[1] - self.blob[1]);
-            self.ended_move = Some(EndedMove { number: self.moves, target_index: self.target_index, arrived_cm });
+            self.ended_move =
+                Some(EndedMove { number: self.moves, target_index: self.target_index, arrived_cm });
         }
         let (ended, learner) = (ended?, learner?);
         let weights = learner.weights.get(..learner.weight_count as usize)?;

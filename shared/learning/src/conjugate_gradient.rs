@@ -107,8 +107,7 @@ impl<const N: usize> Descent<N> {
             return false;
         }
         let mut slope = dot(&self.gradient, &self.direction);
-        // Written so that a slope that is not a number restarts too.
-        if self.since_restart >= N || !(slope < 0.0) {
+        if self.since_restart >= N || slope >= 0.0 || slope.is_nan() {
             slope = self.restart();
         }
         let line = Line { point: &self.point, direction: &self.direction, value: self.value, slope };

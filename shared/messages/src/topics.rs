@@ -23,7 +23,7 @@ pub struct Quality {
     pub subscribers: usize,
     /// Messages a reader can be behind before the oldest is lost.
     pub buffer: usize,
-    /// Messages a reader can hold at once.
+    /// Messages a reader can hold at once: what it keeps, and two while it looks for the newest.
     pub borrowed: usize,
     /// Messages that a late reader still gets.
     pub history: usize,
@@ -64,15 +64,15 @@ const fn kept(
 
 topic!(
     /// Camera frames, written once into the loaned sample.
-    Frames, [u8], "frames/v1", kept(2, 6, 4, 3, 2)
+    Frames, [u8], "frames/v1", kept(2, 6, 4, 4, 2)
 );
 topic!(
     /// Vote fields of a frame pair.
-    VoteFields, Votes, "votes/v1", kept(2, 6, 4, 2, 1)
+    VoteFields, Votes, "votes/v1", kept(2, 6, 4, 4, 1)
 );
 topic!(
     /// Detections of a frame.
-    Targets, Target, "target/v1", kept(2, 6, 16, 2, 1)
+    Targets, Target, "target/v1", kept(2, 6, 16, 4, 1)
 );
 topic!(
     /// Joint readings.
@@ -80,7 +80,7 @@ topic!(
 );
 topic!(
     /// Set-points: the newest wins.
-    SetPoints, SetPoint, "setpoint/v1", kept(2, 6, 4, 2, 1)
+    SetPoints, SetPoint, "setpoint/v1", kept(2, 6, 4, 4, 1)
 );
 topic!(
     /// The learner's inside.

@@ -26,7 +26,9 @@ const MAX_SHIFT_SHARE: usize = 4;
 pub(crate) fn coherence(sums: &[LevelSums]) -> [f64; FIELDS] {
     std::array::from_fn(|i| {
         let (level, direction) = (&sums[i / DIRECTIONS], i % DIRECTIONS);
-        let (votes, norm) = (level.votes[direction], level.norms[direction]);
+        // At the nominal velocity abs(It) = abs(d): half of their sum is abs(d), a quarter half of it.
+        let votes = if direction < 2 { 2 * level.votes[direction] } else { level.votes[direction] };
+        let norm = level.norms[direction];
         if norm == 0 { 0.0 } else { votes as f64 / norm as f64 }
     })
 }

@@ -16,12 +16,12 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod blobs;
-mod bright_blob;
+pub mod bright_blob;
 mod cells;
 mod compensation;
 mod engine;
 mod image;
-mod parameters;
+pub mod parameters;
 mod pyramid;
 mod segment;
 #[cfg(test)]

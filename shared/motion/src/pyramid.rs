@@ -94,8 +94,8 @@ fn five_rows(y: usize, shift: i32, height: usize) -> [usize; 5] {
 
 /// `[1 4 6 4 1]` (no division).
 #[inline(always)]
-fn binomial(r: [u16; 5]) -> u16 {
-    r[0] + r[4] + 4 * (r[1] + r[3]) + 6 * r[2]
+fn binomial(far: (u16, u16), near: (u16, u16), middle: u16) -> u16 {
+    far.0 + far.1 + 4 * (near.0 + near.1) + 6 * middle
 }
 
 /// The source columns that are still inside after the move (first, end), and where the first of them
@@ -121,11 +121,14 @@ fn halve_frame(image: &Image<'_>, shift: (i32, i32), out: &mut Level, sums: &mut
     let (first, last, at) = place(image.width(), shift.0, 2);
     let n = last - first;
     for y in 0..out.height {
-        let rows = five_rows(y, shift.1, image.height()).map(|y| &image.row(y)[first..last]);
-        let [r0, r1, r2, r3, r4] = rows.map(|row| &row[..n]);
+        let [y0, y1, y2, y3, y4] = five_rows(y, shift.1, image.height());
+        let (r0, r1) = (&image.row(y0)[first..last], &image.row(y1)[first..last]);
+        let (r3, r4) = (&image.row(y3)[first..last], &image.row(y4)[first..last]);
+        let r2 = &image.row(y2)[first..last];
         let middle = &mut sums[at..][..n];
         for x in 0..n {
-            middle[x] = binomial([r0[x], r1[x], r2[x], r3[x], r4[x]].map(u16::from));
+            let wide = |row: &[u8]| u16::from(row[x]);
+            middle[x] = binomial((wide(r0), wide(r4)), (wide(r1), wide(r3)), wide(r2));
         }
         repeat_border(sums, at, at + n);
         let row = &mut out.values[y * out.stride..][..out.width];
@@ -139,11 +142,14 @@ fn halve_level(source: &Level, out: &mut Level, sums: &mut [u16]) {
     let sums = &mut sums[..2 * out.width + 4];
     let n = source.width;
     for y in 0..out.height {
-        let rows = five_rows(y, 0, source.height).map(|y| source.row(y));
-        let [r0, r1, r2, r3, r4] = rows.map(|row| &row[..n]);
+        let [y0, y1, y2, y3, y4] = five_rows(y, 0, source.height);
+        let (r0, r1) = (&source.row(y0)[..n], &source.row(y1)[..n]);
+        let (r3, r4) = (&source.row(y3)[..n], &source.row(y4)[..n]);
+        let r2 = &source.row(y2)[..n];
         let middle = &mut sums[2..][..n];
         for x in 0..n {
-            middle[x] = (binomial([r0[x], r1[x], r2[x], r3[x], r4[x]].map(|v| v as u16)) + 8) >> 4;
+            let wide = |row: &[i16]| row[x] as u16;
+            middle[x] = (binomial((wide(r0), wide(r4)), (wide(r1), wide(r3)), wide(r2)) + 8) >> 4;
         }
         repeat_border(sums, 2, 2 + n);
         let row = &mut out.values[y * out.stride..][..out.width];
@@ -154,11 +160,11 @@ fn halve_level(source: &Level, out: &mut Level, sums: &mut [u16]) {
 /// Horizontal `[1 4 6 4 1] / 16` at every second column. `sums` has `2 * row.len() + 4` values.
 #[inline(always)]
 fn drop_columns(sums: &[u16], row: &mut [i16]) {
-    let n = row.len();
-    let sums = &sums[..2 * n + 4];
-    for x in 0..n {
-        let taps = [sums[2 * x], sums[2 * x + 1], sums[2 * x + 2], sums[2 * x + 3], sums[2 * x + 4]];
-        row[x] = ((binomial(taps) + 8) >> 4) as i16;
+    let sums = &sums[..2 * row.len() + 4];
+    for (x, value) in row.iter_mut().enumerate() {
+        let at = 2 * x;
+        let (far, near) = ((sums[at], sums[at + 4]), (sums[at + 1], sums[at + 3]));
+        *value = ((binomial(far, near, sums[at + 2]) + 8) >> 4) as i16;
     }
 }
 

@@ -38,11 +38,12 @@ pub(crate) struct Region {
     pub(crate) rows: (usize, usize),
 }
 
-/// Votes of one whole level: for each direction the sum of the votes, and of the largest they
-/// could be. Their ratio is the coherence.
+/// Sums over one whole level, for each direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct LevelSums {
+    /// The votes: halves of abs(It) + abs(d) for the axes, quarters for the diagonals.
     pub(crate) votes: [i64; DIRECTIONS],
+    /// abs(d).
     pub(crate) norms: [i64; DIRECTIONS],
 }
 
@@ -71,6 +72,7 @@ impl SweepScratch {
 
 /// Votes on one level of a pair; writes the four fields of cells (row by row, in grey levels per frame,
 /// as the paper's M averaged over the cell, 0 outside the region) and returns the sums over the level.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(crate) fn sweep(
     pair: (&Level, &Level),
     region: Region,
@@ -103,7 +105,7 @@ pub(crate) fn grey_per_unit(direction: usize) -> f64 {
 }
 
 /// Fills `scratch.rows` with the vertically weighted votes of each column of blocks.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+#[inline(always)]
 fn sweep_blocks(
     older: &Level,
     newer: &Level,
@@ -188,7 +190,7 @@ fn sum_blocks(votes: &[i16], block: usize, blocks: &mut [i32]) {
 }
 
 /// Votes of [`LANES`] columns from `x` on, summed over `rows` rows (1..=[`MAX_BLOCK`]); and the sums of
-/// the largest they could be: abs(d) for the axes, half of it for the diagonals.
+/// abs(d).
 #[inline(always)]
 fn vote_columns(
     a: &[i16],
@@ -225,8 +227,8 @@ fn vote_columns(
             votes[1][l] += vote::<2>(it, 2 * falling);
             votes[2][l] += vote::<1>(it, ix);
             votes[3][l] += vote::<1>(it, iy);
-            norms[0][l] += rising.unsigned_abs();
-            norms[1][l] += falling.unsigned_abs();
+            norms[0][l] += (2 * rising).unsigned_abs();
+            norms[1][l] += (2 * falling).unsigned_abs();
             norms[2][l] += ix.unsigned_abs();
             norms[3][l] += iy.unsigned_abs();
         }
@@ -244,16 +246,16 @@ fn lanes(level: &[i16], at: usize) -> &[i16; LANES + 1] {
 /// sqrt 2; T is 1 for 1/sqrt 2 < abs(It / d) < sqrt 2 and 0 elsewhere.
 #[inline(always)]
 fn vote<const BITS: u32>(it: i16, d: i16) -> i16 {
-    let (a, b) = (it.unsigned_abs(), d.unsigned_abs());
+    let (a, b) = (it.abs(), d.abs());
     let tuned = (a > root_half(b)) & (b > root_half(a));
-    let weight = ((a + b + (BITS as u16 - 1) * 2) >> BITS) as i16;
+    let weight = ((a as u16 + b as u16 + (BITS as u16 - 1) * 2) >> BITS) as i16;
     let weight = if tuned { weight } else { 0 };
     let same_sign = !((it ^ d) >> 15);
     (weight ^ same_sign) - same_sign
 }
 
-/// Floor of x / sqrt 2 (see [`ROOT_HALF`]).
+/// Floor of x / sqrt 2 (see [`ROOT_HALF`]) for x >= 0.
 #[inline(always)]
-fn root_half(x: u16) -> u16 {
-    ((u32::from(x) * ROOT_HALF) >> 16) as u16
+fn root_half(x: i16) -> i16 {
+    ((u32::from(x as u16) * ROOT_HALF) >> 16) as i16
 }

@@ -25,8 +25,8 @@ mod view;
 mod warp;
 
 pub use parameters::{
-    BLOB_RADIUS_M, CONTRAST_SD, FOCAL_PX, Lighting, NOISE_SIGMA, ParameterError, Profile, REFERENCE_TEXEL_M,
-    SceneParameters, TEXEL_M, TEXTURE_TEXELS, VEHICLE_SIZE_M,
+    BLOB_RADIUS_M, CONTRAST_SD, FOCAL_PX, FRAME_PX, Lighting, NOISE_SIGMA, ParameterError, Profile,
+    REFERENCE_TEXEL_M, SceneParameters, TEXEL_M, TEXTURE_TEXELS, VEHICLE_SIZE_M,
 };
 pub use scene::Scene;
 pub use view::{Kind, View, ViewError};

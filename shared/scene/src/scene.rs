@@ -198,3 +198,6 @@ fn vehicle_texels(parameters: &SceneParameters) -> usize {
     let least = (1.2 * unfolded).max(1.5 * SMALLEST_TORUS_M) / parameters.texel_m;
     (least as usize).next_power_of_two()
 }
+
+#[cfg(test)]
+mod tests;

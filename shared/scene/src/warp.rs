@@ -180,6 +180,38 @@ mod tests {
         }
     }
 
+    /// Oracle: the four texels around the point, weighted in double precision.
+    #[test]
+    fn row_is_the_bilinear_interpolation_of_its_texels() {
+        let side = 64;
+        let grey = |x: i64, y: i64| ((x.rem_euclid(64) * 37 + y.rem_euclid(64) * 101) % 251) as f64;
+        let byte = |x: usize, y: usize| grey(x as i64, y as i64) as u32;
+        let quads = (0..side * side)
+            .map(|i| (i % side, i / side))
+            .map(|(x, y)| byte(x, y) | byte(x + 1, y) << 8 | byte(x, y + 1) << 16 | byte(x + 1, y + 1) << 24)
+            .collect();
+        let level = Level { side, texel_m: 0.001, quads };
+        let columns: Vec<f32> = (0..200).map(|x| x as f32).collect();
+        let u = AxisMap { whole: 13, rest: 77.7, slope: 499.3 };
+        let v = AxisMap { whole: 61, rest: 3.3, slope: -211.9 };
+        let row = RowMap { from: 0, to: 200, anchor: 90, u, v, bend: 4e-4 };
+        let (mut got, mut scratch) = (vec![0.0; 200], (vec![0; 200], vec![0; 200]));
+        warp(&row, &level, &columns, (&mut scratch.0, &mut scratch.1), &mut got);
+        for (x, &got) in got.iter().enumerate() {
+            let d = x as f64 - 90.0;
+            let t = d / (1.0 + f64::from(row.bend) * d);
+            let at = |a: AxisMap| f64::from(a.whole) + (f64::from(a.rest) + f64::from(a.slope) * t) / 256.0;
+            let (u, v) = (at(u), at(v));
+            let (i, j) = (u.floor() as i64, v.floor() as i64);
+            let (a, b) = (u.rem_euclid(1.0), v.rem_euclid(1.0));
+            let upper = (1.0 - a) * grey(i, j) + a * grey(i + 1, j);
+            let lower = (1.0 - a) * grey(i, j + 1) + a * grey(i + 1, j + 1);
+            let wanted = (1.0 - b) * upper + b * lower;
+            // half a subtexel each way, and neighbours differ by up to 250
+            assert!((f64::from(got) - wanted).abs() < 1.0, "column {x}: {got}, wanted {wanted}");
+        }
+    }
+
     /// Where the machine has AVX2 this compares the two instruction sets.
     #[test]
     fn vector_and_plain_versions_give_the_same_bits() {

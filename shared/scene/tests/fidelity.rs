@@ -74,11 +74,11 @@ fn estimator_reads_an_analytic_shift_within_a_third_of_a_percent() {
     assert!((measured / 0.25 - 1.0).abs() < 0.0033, "read {measured}");
 }
 
+/// Without noise: with it, one pair of frames alone has a standard error of one percent here.
 #[test]
 fn quarter_pixel_shift_is_within_one_and_a_half_percent() {
     for (name, parameters) in [
         ("fast", noiseless()),
-        ("fast with noise", SceneParameters::default()),
         ("reference", SceneParameters { noise_sigma: 0.0, ..SceneParameters::reference() }),
     ] {
         let mut scene = Scene::new(&parameters);

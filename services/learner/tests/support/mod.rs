@@ -272,10 +272,7 @@ pub fn finish_refit(learner: &mut Learner) {
 }
 
 /// The value that the share of all is not above; `None` ("never") sorts last.
-pub fn quantile<T: Copy>(values: impl IntoIterator<Item = Option<T>>, share: f64) -> Option<T>
-where
-    T: PartialOrd,
-{
+pub fn quantile<T: Copy + PartialOrd>(values: impl IntoIterator<Item = Option<T>>, share: f64) -> Option<T> {
     let mut values: Vec<Option<T>> = values.into_iter().collect();
     values.sort_by(|a, b| match (a, b) {
         (Some(a), Some(b)) => a.partial_cmp(b).unwrap(),

@@ -48,7 +48,8 @@ fn every_size_up_to_four_to_one_is_voted_on_without_nan() {
 
 #[test]
 fn extreme_images_give_finite_answers() {
-    let pictures: [(&str, fn(usize, usize) -> f64); 4] = [
+    type Grey = fn(usize, usize) -> f64;
+    let pictures: [(&str, Grey); 4] = [
         ("black", |_, _| 0.0),
         ("white", |_, _| 255.0),
         ("chequers", |x, y| if (x + y) % 2 == 0 { 255.0 } else { 0.0 }),

@@ -117,3 +117,37 @@ fn steering_for(curvature: f64) -> f64 {
     let sine = (0.5 * WHEELBASE_M * curvature).clamp(-0.99, 0.99);
     libm::atan(2.0 * libm::tan(libm::asin(sine))).clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No wheel slips sideways: each axle moves the way its wheels point. And the middle turns with the curvature
+    /// that the steering was set for.
+    #[test]
+    fn axles_move_where_their_wheels_point() {
+        for curvature in [-6.0, -2.0, 0.0, 1.0, 5.0] {
+            let point = CurvePoint { position: [0.3, -0.2], heading: 0.4, curvature };
+            let before = Bicycle::new(&point, 0.2);
+            let mut after = before;
+            let dt = 1e-4;
+            after.roll(dt);
+            for (axle, steering) in [(-0.5, 0.0), (0.5, before.steering)] {
+                let at = |b: &Bicycle| {
+                    let arm = axle * WHEELBASE_M;
+                    [b.position[0] + arm * b.heading.cos(), b.position[1] + arm * b.heading.sin()]
+                };
+                let (p, q) = (at(&before), at(&after));
+                let wheel = 0.5 * (before.heading + after.heading) + steering;
+                let sideways = (q[1] - p[1]) * wheel.cos() - (q[0] - p[0]) * wheel.sin();
+                assert!(
+                    sideways.abs() < 1e-6 * 0.2 * dt + 1e-12,
+                    "axle {axle}, curvature {curvature}: {sideways}"
+                );
+            }
+            let turn = (after.course() - before.course()) / (0.2 * dt);
+            assert!((turn - curvature).abs() < 1e-6, "curvature {curvature}: {turn}");
+            assert!(wrapped(before.course() - 0.4).abs() < 1e-12);
+        }
+    }
+}

@@ -23,7 +23,7 @@ impl Config {
     pub fn load(document: &Document) -> Result<Config, Faults> {
         let checker = Checker::new(document);
         let config = Config::read(&checker);
-        checker.finish(Scope::ReadSections)?;
+        checker.finish(Scope::ReadKeys)?;
         Ok(config)
     }
 

@@ -13,8 +13,11 @@ use crate::spelling::nearest;
 pub enum Scope {
     /// Everything: a section that nobody read is a fault (the check of a whole file).
     All,
-    /// Only the keys of the sections that were read (a service that knows its own sections).
+    /// Only the keys of the sections that were read (a verb that knows its own sections whole).
     ReadSections,
+    /// Only the keys that were read (a service that shares sections with others, in a config that was
+    /// checked whole before).
+    ReadKeys,
 }
 
 /// Reads a [`Document`] and collects every fault.
@@ -60,7 +63,9 @@ impl<'a> Checker<'a> {
     /// # Errors
     /// The faults, when there are any.
     pub fn finish(self, scope: Scope) -> Result<(), Faults> {
-        self.check_table("", &self.document.root, scope);
+        if scope != Scope::ReadKeys {
+            self.check_table("", &self.document.root, scope);
+        }
         Faults::none_of(self.state.into_inner().faults)
     }
 

@@ -426,3 +426,14 @@ fn mangled_texts_never_panic() {
         }
     }
 }
+
+#[test]
+fn who_reads_some_keys_of_a_shared_section_is_told_of_those_alone() {
+    let document = Document::parse("t.toml", "[camera]\nrate_hz = 25\nother = 1\nwidth = 9\n").unwrap();
+    let checker = Checker::new(&document);
+    assert_eq!(checker.section("camera").float("rate_hz", 0.0..=100.0), 25.0);
+    assert!(checker.finish(Scope::ReadKeys).is_ok());
+    let checker = Checker::new(&document);
+    checker.section("camera").integer::<u32>("width", 10..=20);
+    assert_eq!(checker.finish(Scope::ReadKeys).unwrap_err().iter().count(), 1);
+}

@@ -7,6 +7,8 @@ use std::time::Duration;
 use pursuit_learning::Settings;
 use serde::{Deserialize, Serialize};
 
+use crate::follower::Noise;
+
 /// Which scheme of learning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Profile {
@@ -15,6 +17,16 @@ pub enum Profile {
     Recommended,
     /// Section 3 of the paper to the letter: see [`Settings::paper`].
     Paper,
+}
+
+/// How a target is followed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Controller {
+    /// The paper's: the set-point is where the target was seen.
+    Plain,
+    /// The set-point is where the target will be: see [`Follower`](crate::follower::Follower).
+    #[default]
+    Predictive,
 }
 
 /// Permitted [`Parameters::training_moves`].
@@ -73,6 +85,12 @@ pub struct Parameters {
     pub target_wait: Duration,
     /// How long the result of a refit is waited for before the next move.
     pub refit_deadline: Duration,
+    /// How the target is followed.
+    pub controller: Controller,
+    /// Time from a set-point to its effect, over which the predictive law predicts.
+    pub lead: Duration,
+    /// What the predictive law believes of noise.
+    pub noise: Noise,
     /// Without a detection for so long, the arm stops.
     pub lost_after: Duration,
     /// Without a detection for so long, it goes home.
@@ -112,6 +130,11 @@ impl Parameters {
     pub const DEFAULT_TARGET_WAIT: Duration = Duration::from_millis(500);
     /// [`Parameters::refit_deadline`] unless set: 50 times what a refit takes.
     pub const DEFAULT_REFIT_DEADLINE: Duration = Duration::from_millis(200);
+    /// [`Parameters::lead`] unless set: the simulated robot's 80 ms and the lag of its servos.
+    pub const DEFAULT_LEAD: Duration = Duration::from_millis(90);
+    /// [`Parameters::noise`] unless set: what the votes' centre of gravity is off (a third of a cell), and
+    /// a target that needs about a second to change its acceleration.
+    pub const DEFAULT_NOISE: Noise = Noise { measurement_rad: 0.035, jerk: 0.01 };
     /// [`Parameters::lost_after`] unless set.
     pub const DEFAULT_LOST_AFTER: Duration = Duration::from_millis(500);
     /// [`Parameters::return_after`] unless set.
@@ -137,13 +160,22 @@ impl Parameters {
             move_limit: Parameters::DEFAULT_MOVE_LIMIT,
             target_wait: Parameters::DEFAULT_TARGET_WAIT,
             refit_deadline: Parameters::DEFAULT_REFIT_DEADLINE,
+            controller: Controller::Predictive,
+            lead: Parameters::DEFAULT_LEAD,
+            noise: Parameters::DEFAULT_NOISE,
             lost_after: Parameters::DEFAULT_LOST_AFTER,
             return_after: Parameters::DEFAULT_RETURN_AFTER,
         };
         match profile {
             Profile::Recommended => recommended,
             Profile::Paper => {
-                Parameters { learning: Settings::paper(), bootstrap: false, still_frames: 1, ..recommended }
+                Parameters {
+                    learning: Settings::paper(),
+                    bootstrap: false,
+                    still_frames: 1,
+                    controller: Controller::Plain,
+                    ..recommended
+                }
             }
         }
     }
@@ -176,6 +208,8 @@ impl Parameters {
             (positive(self.reached_half_widths), "reached_half_widths must be positive"),
             (positive(self.still_rad_per_s), "still_rad_per_s must be positive"),
             (positive(self.arrived_rad), "arrived_rad must be positive"),
+            (positive(self.noise.measurement_rad), "measurement_rad must be positive"),
+            (positive(self.noise.jerk), "target_jerk must be positive"),
             (self.lost_after <= self.return_after, "lost_after must not be longer than return_after"),
         ]
         .into_iter()

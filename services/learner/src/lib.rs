@@ -9,6 +9,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod config;
+pub mod follower;
 pub mod history;
 mod moment;
 mod refitter;

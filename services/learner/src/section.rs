@@ -1,8 +1,9 @@
 //! Section `[learner]`.
 
-use crate::config::{Parameters, Profile};
+use crate::config::{Controller, Parameters, Profile};
 use pursuit_config::{Checker, Document, Faults, Scope};
 use pursuit_runtime::settings;
+use std::time::Duration;
 
 /// What the learner needs.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +43,13 @@ fn read(checker: &Checker<'_>) -> Parameters {
     parameters.bootstrap = section.flag_or("bootstrap", parameters.bootstrap);
     let home = section.floats_or("home_rad", 2, -3.2..=3.2, &parameters.home_rad);
     parameters.home_rad = [home[0], home[1]];
+    let controllers = [("plain", Controller::Plain), ("predictive", Controller::Predictive)];
+    parameters.controller = section.choice_or("controller", &controllers, parameters.controller);
+    let lead_ms = section.float_or("lead_ms", 0.0..=500.0, parameters.lead.as_secs_f64() * 1e3);
+    parameters.lead = Duration::from_secs_f64(lead_ms * 1e-3);
+    parameters.noise.measurement_rad =
+        section.float_or("measurement_rad", 1e-4..=1.0, parameters.noise.measurement_rad);
+    parameters.noise.jerk = section.float_or("target_jerk", 1e-6..=100.0, parameters.noise.jerk);
     let learning = &mut parameters.learning;
     learning.memory = section.integer_or("memory", crate::config::MEMORY, learning.memory);
     learning.eta = section.float_or("eta", crate::config::ETA, learning.eta);

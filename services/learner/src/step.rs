@@ -20,6 +20,7 @@ use crate::config::Parameters;
 pub use crate::moment::Input;
 use crate::moment::Moment;
 use crate::rest::{Motion, Observation};
+use crate::tracking::Track;
 
 /// The answer to one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,8 +43,8 @@ pub(crate) enum Activity {
     AwaitingTarget { since_ns: u64, old_px: Option<[f64; 2]> },
     /// On the way to the pose where tracking begins.
     Homing(Motion),
-    /// Following what moves; it was last seen at `seen_ns`.
-    Tracking { seen_ns: Option<u64> },
+    /// Following what moves.
+    Tracking(Track),
 }
 
 /// What the arm is told; position and velocity of the message follow from it.
@@ -51,6 +52,8 @@ pub(crate) enum Activity {
 pub(crate) enum Command {
     Hold,
     GoTo([f64; 2]),
+    /// On the way that leads through `position` with `velocity` at the exposure.
+    Follow { position: [f64; 2], velocity: [f64; 2] },
 }
 
 /// How far training has come.
@@ -122,7 +125,10 @@ impl Learner {
             _ => {
                 // A frame that cannot be used stops the arm and is forgotten.
                 let (command, detected) = match Moment::of(input) {
-                    Some(moment) => (self.advance(&moment), self.uses(&moment)),
+                    Some(moment) => {
+                        let used = self.advance(&moment);
+                        (self.command, used)
+                    }
                     None => (Command::Hold, false),
                 };
                 Answer { frame: input.frame, command, detected }
@@ -132,15 +138,19 @@ impl Learner {
         Output { set_point: self.set_point(&answer), state: self.report() }
     }
 
-    fn advance(&mut self, moment: &Moment) -> Command {
+    /// Takes a frame in; whether its detection was used.
+    fn advance(&mut self, moment: &Moment) -> bool {
         match self.activity {
             Activity::Observing(observation) => self.observe_at_rest(observation, moment),
             Activity::Moving(motion) => self.learn_from_move(motion, moment),
             Activity::AwaitingTarget { since_ns, old_px } => self.await_target(since_ns, old_px, moment),
-            Activity::Homing(motion) => self.go_home(motion, moment),
-            Activity::Tracking { seen_ns } => self.track(seen_ns, moment),
+            Activity::Homing(motion) => {
+                self.go_home(motion, moment);
+                return false;
+            }
+            Activity::Tracking(track) => return self.track(track, moment),
         }
-        self.command
+        moment.blob.is_some()
     }
 
     /// Number of the refit that is due or running; `None` while there is none.
@@ -173,7 +183,7 @@ impl Learner {
         self.activity = match self.phase() {
             Phase::Training => Activity::Observing(Observation::default()),
             Phase::Homing => Activity::Homing(Motion::to(self.parameters.home_rad, 0)),
-            Phase::Tracking => Activity::Tracking { seen_ns: None },
+            Phase::Tracking => Activity::Tracking(Track::default()),
         };
     }
 
@@ -192,29 +202,21 @@ impl Learner {
         match self.activity {
             Activity::Observing(_) | Activity::Moving(_) | Activity::AwaitingTarget { .. } => Phase::Training,
             Activity::Homing(_) => Phase::Homing,
-            Activity::Tracking { .. } => Phase::Tracking,
-        }
-    }
-
-    /// Whether this frame's detection is one that the phase goes by.
-    fn uses(&self, moment: &Moment) -> bool {
-        match self.phase() {
-            Phase::Training => moment.blob.is_some(),
-            Phase::Homing => false,
-            Phase::Tracking => moment.motion_px.is_some(),
+            Activity::Tracking(_) => Phase::Tracking,
         }
     }
 
     fn set_point(&self, answer: &Answer) -> SetPoint {
-        let (follow, position) = match answer.command {
-            Command::Hold => (0, [0.0; 2]),
-            Command::GoTo(position) => (1, position),
+        let (follow, position, velocity) = match answer.command {
+            Command::Hold => (0, [0.0; 2], [0.0; 2]),
+            Command::GoTo(position) => (1, position, [0.0; 2]),
+            Command::Follow { position, velocity } => (1, position, velocity),
         };
         SetPoint {
             follow,
             phase: self.phase() as u32,
             position,
-            velocity: [0.0; 2],
+            velocity,
             moves: self.progress.moves,
             target_index: self.progress.target_index,
             detected: u32::from(answer.detected),

@@ -1,39 +1,84 @@
-//! Homing and tracking: the plain law of the paper.
+//! Homing and tracking: the plain law of the paper, and the predictive one.
 
+use crate::config::Controller;
+use crate::follower::{Follower, Noise};
 use crate::moment::Moment;
 use crate::rest::{Motion, nanos};
 use crate::step::{Activity, Command, Learner};
+use serde::{Deserialize, Serialize};
 
 impl Learner {
     pub(crate) fn go_home(&mut self, mut motion: Motion, moment: &Moment) {
         self.command = Command::GoTo(self.parameters.home_rad);
         self.activity = if motion.is_over_at(moment, &self.parameters) {
-            Activity::Tracking { seen_ns: None }
+            Activity::Tracking(Track::default())
         } else {
             Activity::Homing(motion)
         };
     }
 
-    /// Set-point = joints *at the exposure* + displacement. Added to the joints of now, the motion during
-    /// the delay would count twice: that oscillates (design, section 6).
-    pub(crate) fn track(&mut self, seen_ns: Option<u64>, moment: &Moment) {
-        if let Some(point_px) = moment.motion_px {
+    /// The absolute joint target of a frame is joints *at the exposure* + displacement. Added to the
+    /// joints of now, the motion during the delay would count twice: that oscillates (design, section 6).
+    pub(crate) fn track(&mut self, mut track: Track, moment: &Moment) -> bool {
+        let measured = moment.motion_px.map(|point_px| {
             let [theta1, theta2] = moment.joints;
             let displacement = self.displacement(point_px, theta2, moment);
-            let goal = [theta1 + displacement[0], theta2 + displacement[1]];
-            self.command = Command::GoTo(self.parameters.into_envelope(goal));
-            self.activity = Activity::Tracking { seen_ns: Some(moment.now_ns) };
-            return;
+            [theta1 + displacement[0], theta2 + displacement[1]]
+        });
+        let used = measured.is_some_and(|goal| match self.parameters.controller {
+            Controller::Plain => {
+                self.command = Command::GoTo(self.parameters.into_envelope(goal));
+                true
+            }
+            Controller::Predictive => track.believe(goal, moment.now_ns, &self.parameters.noise),
+        });
+        if used {
+            track.seen_ns = Some(moment.now_ns);
         }
-        let Some(seen_ns) = seen_ns else {
-            self.command = Command::GoTo(self.parameters.home_rad);
-            return;
-        };
-        let unseen = moment.now_ns.saturating_sub(seen_ns);
-        if unseen >= nanos(self.parameters.return_after) {
-            self.command = Command::GoTo(self.parameters.home_rad);
-        } else if unseen >= nanos(self.parameters.lost_after) {
-            self.command = Command::Hold;
+        self.activity = Activity::Tracking(track);
+        self.go_on(&track, moment.now_ns);
+        used
+    }
+
+    /// What the arm is told between two measurements: on to where the target is going, then to rest, and
+    /// home when the target has been away for long.
+    fn go_on(&mut self, track: &Track, now_ns: u64) {
+        let unseen = track.seen_ns.map(|seen_ns| now_ns.saturating_sub(seen_ns));
+        match (unseen, &track.follower) {
+            (None, _) => self.command = Command::GoTo(self.parameters.home_rad),
+            (Some(unseen), _) if unseen >= nanos(self.parameters.return_after) => {
+                self.command = Command::GoTo(self.parameters.home_rad);
+            }
+            (Some(unseen), _) if unseen >= nanos(self.parameters.lost_after) => self.command = Command::Hold,
+            (Some(_), Some(follower)) if self.parameters.controller == Controller::Predictive => {
+                let (position, velocity) = follower.predicted(now_ns + nanos(self.parameters.lead));
+                let inside = self.parameters.into_envelope(position);
+                // At the envelope's edge the arm stops; it does not push.
+                let velocity = [0, 1].map(|k| if inside[k] == position[k] { velocity[k] } else { 0.0 });
+                self.command = Command::Follow { position: inside, velocity };
+            }
+            (Some(_), _) => {}
+        }
+    }
+}
+
+/// What tracking remembers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Track {
+    /// Exposure of the last frame whose detection was used, ns.
+    seen_ns: Option<u64>,
+    /// The filter of the predictive law.
+    follower: Option<Follower>,
+}
+
+impl Track {
+    fn believe(&mut self, goal: [f64; 2], now_ns: u64, noise: &Noise) -> bool {
+        match &mut self.follower {
+            Some(follower) => follower.take(goal, now_ns, noise),
+            None => {
+                self.follower = Some(Follower::at(goal, now_ns, noise));
+                true
+            }
         }
     }
 }

@@ -47,5 +47,6 @@ pub fn read(checker: &Checker<'_>, motion: &mut Parameters) {
         section.fault("min_blob_cells", "is larger than max_blob_cells");
     }
     motion.sum_threshold = float("sum_threshold", 0.0..=0.99, motion.sum_threshold);
+    motion.search_radius = float("search_radius", 0.05..=1.0, motion.search_radius);
     motion.contrast_cut = float("contrast_cut", 0.0..=1000.0, motion.contrast_cut);
 }

@@ -260,13 +260,13 @@ impl Cell {
     }
 
     /// The helping person: puts the blob elsewhere when the learner is done with it, and the vehicle on
-    /// the table when tracking begins.
+    /// the table when training is over.
     fn follow_the_lesson(&mut self, fixed: &Fixed, frame: u64, command: &WorldCommand) {
         let fresh = self.answered.replace(frame) != Some(frame);
         let set_point = &command.set_point;
-        let tracking = Phase::from_number(set_point.phase) == Some(Phase::Tracking);
-        if tracking {
-            self.tracked += u64::from(fresh);
+        let phase = Phase::from_number(set_point.phase);
+        self.tracked += u64::from(fresh && phase == Some(Phase::Tracking));
+        if matches!(phase, Some(Phase::Homing | Phase::Tracking)) {
             self.scene = Scene::Vehicle;
         } else if set_point.target_index > self.target_index {
             self.target_index = set_point.target_index;

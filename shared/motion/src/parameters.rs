@@ -24,6 +24,8 @@ pub const SUM_THRESHOLD: f32 = 0.3;
 /// Contrast of the best blob below which there is no target: the paper's "(if any)". The contrast is a
 /// ratio of votes, not a probability: empty scenes pass it too (vision.md, section 0).
 pub const CONTRAST_CUT: f32 = 3.0;
+/// Field of search: the whole image.
+pub const SEARCH_RADIUS: f32 = 1.0;
 /// More passes than this cannot help: the capture range does not grow any more.
 const MAX_PASSES: u32 = 10;
 
@@ -56,6 +58,12 @@ pub struct Parameters {
     pub sum_threshold: f32,
     /// Contrast of the best blob below which there is no target, from 0. Default [`CONTRAST_CUT`].
     pub contrast_cut: f32,
+    /// Radius of the disc around the image's centre in which the target is searched for, half diagonals,
+    /// 0.05..=1; 1 is the whole image. Not in the paper's method, but in its words: after compensation
+    /// "the residual background clutter [...] is thus generally small in the center of the image, but can
+    /// still be substantial near the corners" (section 2.3.2), and a hand that follows has its target
+    /// near the centre. Default [`SEARCH_RADIUS`].
+    pub search_radius: f32,
 }
 
 impl Default for Parameters {
@@ -69,6 +77,7 @@ impl Default for Parameters {
             max_blob_cells: MAX_BLOB_CELLS,
             sum_threshold: SUM_THRESHOLD,
             contrast_cut: CONTRAST_CUT,
+            search_radius: SEARCH_RADIUS,
         }
     }
 }
@@ -100,6 +109,7 @@ impl Parameters {
         in_range("min_blob_cells", self.min_blob_cells as f64, 1.0, cells)?;
         in_range("max_blob_cells", self.max_blob_cells as f64, self.min_blob_cells as f64, cells)?;
         in_range("sum_threshold", f64::from(self.sum_threshold), 0.0, 0.999)?;
+        in_range("search_radius", f64::from(self.search_radius), 0.05, 1.0)?;
         in_range("contrast_cut", f64::from(self.contrast_cut), 0.0, huge)
     }
 }

@@ -69,6 +69,7 @@ pub struct Segmentation {
 #[derive(Clone, Debug)]
 pub struct SegmentScratch {
     flood: Flood,
+    searched: [bool; MAX_CELLS],
     sum: [f64; MAX_CELLS],
     target: Vec<usize>,
 }
@@ -78,6 +79,7 @@ impl SegmentScratch {
     pub fn new() -> SegmentScratch {
         SegmentScratch {
             flood: Flood::new(MAX_CELLS),
+            searched: [false; MAX_CELLS],
             sum: [0.0; MAX_CELLS],
             target: Vec::with_capacity(MAX_CELLS),
         }
@@ -153,7 +155,8 @@ fn find_target(
     if fields.iter().all(|field| field[..cells].iter().all(|&vote| vote == 0.0)) {
         return Err(NoTarget::NoVotes);
     }
-    let best = best_blobs(fields, summary, parameters, &mut scratch.flood);
+    mark_searched(summary, parameters, &mut scratch.searched[..cells]);
+    let best = best_blobs(fields, summary, parameters, scratch);
     let contrast = best[0].ok_or(NoTarget::NoBlob)?.contrast;
     if contrast < f64::from(parameters.contrast_cut) {
         return Err(NoTarget::LowContrast(contrast));
@@ -163,20 +166,34 @@ fn find_target(
     Ok(measure(fields, summary, parameters, contrast, scratch))
 }
 
+/// Which cells have their centre in the disc that is searched.
+fn mark_searched(summary: &VoteSummary, parameters: &Parameters, searched: &mut [bool]) {
+    let half = [summary.columns as f64 / 2.0, summary.rows as f64 / 2.0];
+    let radius = f64::from(parameters.search_radius) * half[0].hypot(half[1]);
+    for (cell, inside) in searched.iter_mut().enumerate() {
+        let x = (cell % summary.columns) as f64 + 0.5 - half[0];
+        let y = (cell / summary.columns) as f64 + 0.5 - half[1];
+        *inside = x.hypot(y) <= radius;
+    }
+}
+
 /// The blobs of acceptable size with the highest contrast, best first; of equals the one with the lower
 /// label, positive before negative.
 fn best_blobs(
     fields: &Fields,
     summary: &VoteSummary,
     parameters: &Parameters,
-    flood: &mut Flood,
+    scratch: &mut SegmentScratch,
 ) -> [Option<Blob>; BLOBS_ADDED] {
     let cells = summary.columns * summary.rows;
+    let SegmentScratch { flood, searched, .. } = scratch;
+    let count = searched[..cells].iter().filter(|&&inside| inside).count().max(1);
     let sizes = parameters.min_blob_cells..=parameters.max_blob_cells;
     let mut best = [None; BLOBS_ADDED];
     for field in 0..FIELDS {
-        let sum: f64 = fields[field][..cells].iter().map(|&vote| f64::from(vote.abs())).sum();
-        let mean = sum / cells as f64;
+        let votes = fields[field][..cells].iter().zip(&searched[..cells]);
+        let sum: f64 = votes.filter(|(_, inside)| **inside).map(|(vote, _)| f64::from(vote.abs())).sum();
+        let mean = sum / count as f64;
         if mean == 0.0 {
             continue;
         }
@@ -185,7 +202,7 @@ fn best_blobs(
             let half = HalfField { field, sign, level };
             flood.start(summary.columns, summary.rows);
             for seed in 0..cells {
-                let blob = flood.component(seed, |cell| half.inside(fields, cell));
+                let blob = flood.component(seed, |cell| searched[cell] && half.inside(fields, cell));
                 if sizes.contains(&blob.len()) {
                     let sum: f64 = blob.iter().map(|&cell| half.vote(fields, cell)).sum();
                     rank(&mut best, Blob { contrast: sum / blob.len() as f64 / mean, half, seed });
@@ -215,15 +232,17 @@ fn add_blobs(fields: &Fields, summary: &VoteSummary, blobs: &[Option<Blob>], scr
     scratch.sum[..summary.columns * summary.rows].fill(0.0);
     for blob in blobs.iter().flatten() {
         scratch.flood.start(summary.columns, summary.rows);
-        for &cell in scratch.flood.component(blob.seed, |cell| blob.half.inside(fields, cell)) {
-            scratch.sum[cell] += blob.half.vote(fields, cell);
+        let SegmentScratch { flood, searched, sum, .. } = scratch;
+        let inside = |cell: usize| searched[cell] && blob.half.inside(fields, cell);
+        for &cell in flood.component(blob.seed, inside) {
+            sum[cell] += blob.half.vote(fields, cell);
         }
     }
 }
 
 /// `scratch.target`: the component of the thresholded sum with the most votes.
 fn select_component(summary: &VoteSummary, parameters: &Parameters, scratch: &mut SegmentScratch) {
-    let SegmentScratch { flood, sum, target } = scratch;
+    let SegmentScratch { flood, sum, target, .. } = scratch;
     let cells = summary.columns * summary.rows;
     let largest = sum[..cells].iter().fold(0.0, |largest: f64, &votes| largest.max(votes));
     let level = f64::from(parameters.sum_threshold) * largest;

@@ -7,6 +7,11 @@ use crate::rest::{Motion, nanos};
 use crate::step::{Activity, Command, Learner};
 use serde::{Deserialize, Serialize};
 
+/// So many detections that fit each other are a target.
+const AGREEING: u32 = 3;
+/// An arm slower than this looks like one at rest: 1 px from frame to frame in the default cell, rad/s.
+const LOOKING_RAD_PER_S: f64 = 0.05;
+
 impl Learner {
     pub(crate) fn go_home(&mut self, mut motion: Motion, moment: &Moment) {
         self.command = Command::GoTo(self.parameters.home_rad);
@@ -25,12 +30,21 @@ impl Learner {
             let displacement = self.displacement(point_px, theta2, moment);
             [theta1 + displacement[0], theta2 + displacement[1]]
         });
+        let lost = track.seen_ns.is_none_or(|seen_ns| {
+            moment.now_ns.saturating_sub(seen_ns) >= nanos(self.parameters.lost_after)
+        });
+        if lost {
+            track.follower = None;
+        }
         let used = measured.is_some_and(|goal| match self.parameters.controller {
             Controller::Plain => {
                 self.command = Command::GoTo(self.parameters.into_envelope(goal));
                 true
             }
-            Controller::Predictive => track.believe(goal, moment.now_ns, &self.parameters.noise),
+            Controller::Predictive => {
+                let at_rest = moment.speed < LOOKING_RAD_PER_S;
+                track.believe(goal, moment.now_ns, at_rest, &self.parameters.noise)
+            }
         });
         if used {
             track.seen_ns = Some(moment.now_ns);
@@ -69,16 +83,31 @@ pub(crate) struct Track {
     seen_ns: Option<u64>,
     /// The filter of the predictive law.
     follower: Option<Follower>,
+    /// Another one, of what is detected elsewhere, and how many detections it has.
+    tentative: Option<(Follower, u32)>,
 }
 
 impl Track {
-    fn believe(&mut self, goal: [f64; 2], now_ns: u64, noise: &Noise) -> bool {
-        match &mut self.follower {
-            Some(follower) => follower.take(goal, now_ns, noise),
-            None => {
-                self.follower = Some(Follower::at(goal, now_ns, noise));
-                true
-            }
+    /// Whether a measurement is used. One that fits what is followed is. Others are followed by a
+    /// tentative filter, which takes over when it has enough *and the arm is at rest*: a moving camera
+    /// sees clutter that agrees with itself, and an arm that ran after it would see more of it.
+    fn believe(&mut self, goal: [f64; 2], now_ns: u64, at_rest: bool, noise: &Noise) -> bool {
+        if let Some(follower) = &mut self.follower
+            && follower.take(goal, now_ns, noise)
+        {
+            self.tentative = None;
+            return true;
         }
+        let fits = self.tentative.as_mut().is_some_and(|(other, _)| other.take(goal, now_ns, noise));
+        let (other, count) = match self.tentative {
+            Some((other, count)) if fits => (other, count + 1),
+            _ => (Follower::at(goal, now_ns, noise), 1),
+        };
+        self.tentative = Some((other, count));
+        let takes_over = at_rest && count >= AGREEING;
+        if takes_over {
+            self.follower = self.tentative.take().map(|(other, _)| other);
+        }
+        takes_over
     }
 }

@@ -118,7 +118,7 @@ pub struct Up {
 /// Options of `demo`.
 #[derive(Args, Clone, Debug, Default)]
 pub struct Demo {
-    /// Frames of tracking [default: 1000].
+    /// Frames of tracking [default: 750].
     #[arg(long)]
     pub frames: Option<u64>,
     /// Seed of everything random.

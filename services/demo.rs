@@ -6,8 +6,8 @@ use crate::up;
 use pursuit_runtime::exit;
 use std::path::{Path, PathBuf};
 
-/// Frames of tracking where none are asked for: 40 s of simulated time at 25 Hz, three rounds.
-const FRAMES: u64 = 1000;
+/// Frames of tracking where none are asked for: 60 s of simulated time at 12.5 Hz, almost five rounds.
+const FRAMES: u64 = 750;
 /// Where the plots go.
 const PLOTS: &str = "pursuit-out";
 /// Name of the demo's instance: it never meets a running system.

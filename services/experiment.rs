@@ -14,6 +14,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Frames of tracking per run, at 12.5 Hz: 30 s, of which 3 s are the approach.
 const TRACKING_FRAMES: u64 = 375;
+/// The paper's rate for learning: a sample every 40 ms.
+const LEARNING_RATE_HZ: f64 = 25.0;
 /// The paper's rate for tracking.
 const TRACKING_RATE_HZ: f64 = 12.5;
 /// Where plots go by default.
@@ -89,7 +91,11 @@ fn learning(options: &Experiment) -> Result<u8, String> {
         "scheme", "moves to 3 cm", "to 1 cm", "after 5 moves", "at the end"
     );
     for name in ["recommended", "paper"] {
-        let set = [format!("learner.profile={name}"), "simulator.frames=1".to_owned()];
+        let set = [
+            format!("learner.profile={name}"),
+            format!("camera.rate_hz={LEARNING_RATE_HZ:?}"),
+            "simulator.frames=1".to_owned(),
+        ];
         let runs = over_seeds(options, &set)?;
         let reports: Vec<Report> = runs.iter().map(|(seed, run)| report(*seed, run)).collect();
         let scheme = scheme(name, &reports);
@@ -121,38 +127,49 @@ fn tracking(options: &Experiment) -> Result<u8, String> {
     struct Figures {
         runs: Vec<Tracked>,
     }
-    let set = [format!("simulator.frames={TRACKING_FRAMES}"), format!("camera.rate_hz={TRACKING_RATE_HZ:?}")];
+    println!("following the camouflaged vehicle, seeds {}", seeds_text(options));
     println!(
-        "following the camouflaged vehicle on its circle, plain controller, seeds {}",
-        seeds_text(options)
+        "distance from the camera's axis to the vehicle, without the first {APPROACH_S} s; median / p90"
     );
-    println!("distance from the camera's axis to the vehicle, without the first {APPROACH_S} s\n");
-    let runs = over_seeds(options, &set)?;
-    let mut document = check::document(None, &set).map_err(|faults| faults.to_string())?;
-    for setting in &options.set {
-        let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
-        document.set(key, value).map_err(|faults| faults.to_string())?;
+    println!("the paper (1994): in the order of {PAPER_TRACKING_CM} cm\n");
+    println!(
+        "  {:<11} {:>18} {:>18} {:>20} {:>20} {:>12}",
+        "controller", "RMS", "median", "worst frame", "detection used", "> 20 cm off"
+    );
+    let (mut figures, mut curves) = (Vec::new(), Vec::new());
+    for (controller, colour) in [("plain", "#009e73"), ("predictive", "#0072b2")] {
+        let set = [
+            format!("simulator.frames={TRACKING_FRAMES}"),
+            format!("camera.rate_hz={TRACKING_RATE_HZ:?}"),
+            format!("learner.controller={controller}"),
+        ];
+        let runs = over_seeds(options, &set)?;
+        let checked = settled(options, &set, options.first_seed)?;
+        let reports: Vec<Report> = runs.iter().map(|(seed, run)| report(*seed, run)).collect();
+        let tracked = tracked(&checked, controller, &reports)?;
+        println!(
+            "  {:<11} {:>18} {:>18} {:>20} {:>20} {:>10.2} %",
+            controller,
+            spread_text(tracked.rms_cm, "cm"),
+            spread_text(tracked.median_cm, "cm"),
+            spread_text(tracked.max_cm, "cm"),
+            spread_text(
+                Spread { p50: 100.0 * tracked.detected_share.p50, p90: 100.0 * tracked.detected_share.p90 },
+                "%"
+            ),
+            100.0 * tracked.lost_share
+        );
+        curves.push((controller, colour, reports));
+        figures.push(tracked);
     }
-    let checked = check::all(&document).map_err(|faults| faults.to_string())?;
-    let reports: Vec<Report> = runs.iter().map(|(seed, run)| report(*seed, run)).collect();
-    let tracked = tracked(&checked, &reports)?;
-    println!("  {:<34} {:>20}   the paper (1994)", "", "median / p90");
-    println!(
-        "  {:<34} {:>20}   in the order of {PAPER_TRACKING_CM} cm",
-        "RMS",
-        spread_text(tracked.rms_cm, "cm")
-    );
-    println!("  {:<34} {:>20}", "median", spread_text(tracked.median_cm, "cm"));
-    println!("  {:<34} {:>20}", "worst frame", spread_text(tracked.max_cm, "cm"));
-    let share = Spread { p50: 100.0 * tracked.detected_share.p50, p90: 100.0 * tracked.detected_share.p90 };
-    println!("  {:<34} {:>20}", "detected (median / worst tenth)", spread_text(share, "%"));
-    println!("  {:<34} {:>18.2} %", "frames more than 20 cm away", 100.0 * tracked.lost_share);
-    println!(
-        "\n  {} at {} m/s, {} images per second, {} ms from command to motion",
-        tracked.path, tracked.speed_m_per_s, tracked.rate_hz, tracked.latency_ms
-    );
-    let plot = tracking_plot(&reports);
-    publish(options, &Figures { runs: vec![tracked] }, "experiment-tracking.svg", &plot)
+    if let Some(run) = figures.first() {
+        println!(
+            "\n  {} at {} m/s, {} images per second, {} ms from command to motion",
+            run.path, run.speed_m_per_s, run.rate_hz, run.latency_ms
+        );
+    }
+    let plot = tracking_plot(&curves);
+    publish(options, &Figures { runs: figures }, "experiment-tracking.svg", &plot)
 }
 
 fn seeds_text(options: &Experiment) -> String {
@@ -193,12 +210,15 @@ fn over_seeds(options: &Experiment, set: &[String]) -> Result<Vec<(u64, Outcome)
 }
 
 fn one_seed(options: &Experiment, set: &[String], seed: u64) -> Result<Outcome, String> {
-    let mut settings = set.to_vec();
-    settings.extend(options.set.iter().cloned());
-    settings.push(format!("run.seed={seed}"));
+    inprocess::run(&settled(options, set, seed)?)
+}
+
+/// The built-in config with an experiment's settings, the command line's on top.
+fn settled(options: &Experiment, set: &[String], seed: u64) -> Result<check::Checked, String> {
+    let seed = [format!("run.seed={seed}")];
+    let settings: Vec<String> = set.iter().chain(&options.set).chain(&seed).cloned().collect();
     let document = check::document(None, &settings).map_err(|faults| faults.to_string())?;
-    let checked = check::all(&document).map_err(|faults| faults.to_string())?;
-    inprocess::run(&checked)
+    check::all(&document).map_err(|faults| faults.to_string())
 }
 
 fn report(seed: u64, run: &Outcome) -> Report {
@@ -222,7 +242,11 @@ fn scheme(name: &'static str, reports: &[Report]) -> Scheme {
     }
 }
 
-fn tracked(checked: &check::Checked, reports: &[Report]) -> Result<Tracked, String> {
+fn tracked(
+    checked: &check::Checked,
+    controller: &'static str,
+    reports: &[Report],
+) -> Result<Tracked, String> {
     let tracking: Vec<_> = reports.iter().filter_map(|r| r.tracking).collect();
     if tracking.len() < reports.len() {
         return Err("a run ended before it came to tracking".to_owned());
@@ -234,7 +258,7 @@ fn tracked(checked: &check::Checked, reports: &[Report]) -> Result<Tracked, Stri
         speed_m_per_s: cell.path.speed_m_per_s(),
         rate_hz: checked.acquisition.camera.rate_hz,
         latency_ms: cell.latency_ns as f64 / 1e6,
-        controller: "plain",
+        controller,
         seeds: reports.len() as u64,
         rms_cm: spread(tracking.iter().map(|t| t.rms_cm)),
         median_cm: spread(tracking.iter().map(|t| t.median_cm)),
@@ -300,24 +324,33 @@ fn learning_plot(curves: Vec<(&'static str, Vec<[f64; 2]>)>) -> Plot {
     }
 }
 
-fn tracking_plot(reports: &[Report]) -> Plot {
-    let points = reports.iter().filter_map(|r| Some([r.seed as f64, r.tracking?.rms_cm])).collect::<Vec<_>>();
-    let ends = [points.first(), points.last()].map(|p| p.map_or(0.0, |p| p[0]));
+fn tracking_plot(curves: &[(&'static str, &'static str, Vec<Report>)]) -> Plot {
+    let of = |reports: &[Report]| -> Vec<[f64; 2]> {
+        reports.iter().filter_map(|r| Some([r.seed as f64, r.tracking?.rms_cm])).collect()
+    };
+    let mut series: Vec<Series> = curves
+        .iter()
+        .map(|(name, colour, reports)| Series {
+            name: (*name).to_owned(),
+            colour,
+            points: of(reports),
+            mark: Mark::Line,
+        })
+        .collect();
+    let ends = series.first().map(|s| [s.points.first(), s.points.last()].map(|p| p.map_or(0.0, |p| p[0])));
+    series.push(Series {
+        name: "paper: in the order of 2 cm".to_owned(),
+        colour: "#d55e00",
+        points: ends.unwrap_or_default().map(|x| [x, PAPER_TRACKING_CM]).to_vec(),
+        mark: Mark::Dashed,
+    });
     Plot {
         title: "Following the vehicle: RMS distance per seed".to_owned(),
         x_label: "seed".to_owned(),
         y_label: "cm".to_owned(),
         equal_axes: false,
-        log_y: false,
-        series: vec![
-            Series { name: "RMS".to_owned(), colour: "#0072b2", points, mark: Mark::Line },
-            Series {
-                name: "paper: in the order of 2 cm".to_owned(),
-                colour: "#d55e00",
-                points: ends.map(|x| [x, PAPER_TRACKING_CM]).to_vec(),
-                mark: Mark::Dashed,
-            },
-        ],
+        log_y: true,
+        series,
     }
 }
 

@@ -24,7 +24,7 @@ fn all_faults_come_at_once_with_file_line_and_key_and_nothing_starts() {
     std::fs::create_dir_all(place.directory.join("files")).expect("a folder");
     let good = std::fs::read_to_string("config/sim.toml").expect("the config");
     let bad = good
-        .replace("rate_hz = 25.0", "rate_hz = 5000")
+        .replace("rate_hz = 12.5", "rate_hz = 5000")
         .replace("passes = 3", "pases = 3")
         .replace("seed = 1", "seed = \"one\"")
         .replace("latency_ms = 80.0", "latency_ms = -1.0");

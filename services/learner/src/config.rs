@@ -134,7 +134,7 @@ impl Parameters {
     pub const DEFAULT_LEAD: Duration = Duration::from_millis(90);
     /// [`Parameters::noise`] unless set: what the votes' centre of gravity is off (a third of a cell), and
     /// a target that needs about a second to change its acceleration.
-    pub const DEFAULT_NOISE: Noise = Noise { measurement_rad: 0.035, jerk: 0.01 };
+    pub const DEFAULT_NOISE: Noise = Noise { measurement_rad: 0.025, jerk: 0.003 };
     /// [`Parameters::lost_after`] unless set.
     pub const DEFAULT_LOST_AFTER: Duration = Duration::from_millis(500);
     /// [`Parameters::return_after`] unless set.
@@ -168,15 +168,13 @@ impl Parameters {
         };
         match profile {
             Profile::Recommended => recommended,
-            Profile::Paper => {
-                Parameters {
-                    learning: Settings::paper(),
-                    bootstrap: false,
-                    still_frames: 1,
-                    controller: Controller::Plain,
-                    ..recommended
-                }
-            }
+            Profile::Paper => Parameters {
+                learning: Settings::paper(),
+                bootstrap: false,
+                still_frames: 1,
+                controller: Controller::Plain,
+                ..recommended
+            },
         }
     }
 

@@ -92,10 +92,15 @@ impl Axis {
     fn predict(&mut self, t: f64, jerk: f64) {
         let step = [[1.0, t, 0.5 * t * t], [0.0, 1.0, t], [0.0, 0.0, 1.0]];
         let (t2, t3) = (t * t, t * t * t);
-        let drive = [[t2 * t3 / 20.0, t2 * t2 / 8.0, t3 / 6.0], [t2 * t2 / 8.0, t3 / 3.0, t2 / 2.0], [t3 / 6.0, t2 / 2.0, t]];
+        let drive = [
+            [t2 * t3 / 20.0, t2 * t2 / 8.0, t3 / 6.0],
+            [t2 * t2 / 8.0, t3 / 3.0, t2 / 2.0],
+            [t3 / 6.0, t2 / 2.0, t],
+        ];
         let old = self.covariance;
         self.state = [0, 1, 2].map(|i| (0..3).map(|k| step[i][k] * self.state[k]).sum());
-        let half: [[f64; 3]; 3] = [0, 1, 2].map(|i| [0, 1, 2].map(|j| (0..3).map(|k| step[i][k] * old[k][j]).sum()));
+        let half: [[f64; 3]; 3] =
+            [0, 1, 2].map(|i| [0, 1, 2].map(|j| (0..3).map(|k| step[i][k] * old[k][j]).sum()));
         self.covariance = [0, 1, 2].map(|i| {
             [0, 1, 2].map(|j| (0..3).map(|k| half[i][k] * step[j][k]).sum::<f64>() + jerk * drive[i][j])
         });
@@ -153,7 +158,8 @@ mod tests {
             if k > 20 && random.random_range(0.0..1.0) < 0.15 {
                 wild += 1;
                 let side = if wild % 2 == 0 { 1.0 } else { -1.0 };
-                believed_wild += u32::from(follower.take([truth[0] + 0.5 * side, truth[1] - 0.3], time_ns, &NOISE));
+                believed_wild +=
+                    u32::from(follower.take([truth[0] + 0.5 * side, truth[1] - 0.3], time_ns, &NOISE));
                 continue;
             }
             // Uniform noise of standard deviation 0.03.

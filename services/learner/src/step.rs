@@ -53,7 +53,10 @@ pub(crate) enum Command {
     Hold,
     GoTo([f64; 2]),
     /// On the way that leads through `position` with `velocity` at the exposure.
-    Follow { position: [f64; 2], velocity: [f64; 2] },
+    Follow {
+        position: [f64; 2],
+        velocity: [f64; 2],
+    },
 }
 
 /// How far training has come.

@@ -30,9 +30,9 @@ impl Learner {
             let displacement = self.displacement(point_px, theta2, moment);
             [theta1 + displacement[0], theta2 + displacement[1]]
         });
-        let lost = track.seen_ns.is_none_or(|seen_ns| {
-            moment.now_ns.saturating_sub(seen_ns) >= nanos(self.parameters.lost_after)
-        });
+        let lost = track
+            .seen_ns
+            .is_none_or(|seen_ns| moment.now_ns.saturating_sub(seen_ns) >= nanos(self.parameters.lost_after));
         if lost {
             track.follower = None;
         }

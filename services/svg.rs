@@ -150,7 +150,7 @@ impl Plot {
     fn draw_legend(&self, svg: &mut String) {
         let named = self.series.iter().filter(|series| !series.name.is_empty());
         for (row, series) in named.enumerate() {
-            let (x, y) = (SIZE.0 - MARGIN[2] - 230.0, MARGIN[1] + 16.0 + 18.0 * row as f64);
+            let (x, y) = (SIZE.0 - MARGIN[2] - 260.0, MARGIN[1] + 16.0 + 18.0 * row as f64);
             let _ = writeln!(
                 svg,
                 "<rect x=\"{x}\" y=\"{r}\" width=\"22\" height=\"4\" fill=\"{colour}\"/>\

@@ -29,7 +29,8 @@ fn all_faults_come_at_once_with_file_line_and_key_and_nothing_starts() {
         .replace("seed = 1", "seed = \"one\"")
         .replace("latency_ms = 80.0", "latency_ms = -1.0");
     std::fs::write(&file, bad).expect("a file");
-    let output = place.command(&["up", "--frames", "1", "--config"]).arg(&file).output().expect("runs");
+    let name = file.display().to_string();
+    let output = place.command(&["up", "--frames", "1", "--config", &name]).output().expect("runs");
     assert_eq!(output.status.code(), Some(64));
     let (_, errors) = text(&output);
     for key in ["camera.rate_hz", "vision.pases", "run.seed", "simulator.latency_ms"] {

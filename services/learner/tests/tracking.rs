@@ -1,18 +1,22 @@
-//! Tracking with the plain law of the paper, on an exact arm without any bus.
+//! Tracking with the plain law of the paper and with the predictive one, on an exact arm without any bus.
 
 #![allow(clippy::unwrap_used)]
 
 mod support;
 
-use pursuit_learner::config::Parameters;
+use pursuit_learner::config::{Controller, Parameters};
 use pursuit_learner::step::Learner;
 use pursuit_messages::{Phase, SetPoint, Target};
 use support::{Cell, Conditions, train};
 
 /// A trained learner at home.
 fn at_home() -> (Learner, Cell) {
-    let (_, mut learner, mut cell) =
-        train(&Parameters { training_moves: 15, ..Parameters::default() }, 3, Conditions::default());
+    at_home_with(Controller::Plain)
+}
+
+fn at_home_with(controller: Controller) -> (Learner, Cell) {
+    let parameters = Parameters { training_moves: 15, controller, ..Parameters::default() };
+    let (_, mut learner, mut cell) = train(&parameters, 3, Conditions::default());
     while learner.phase() == Phase::Homing {
         cell.turn(&mut learner);
     }
@@ -100,4 +104,41 @@ fn no_set_point_leaves_the_envelope() {
         assert_eq!(set_point.position, parameters.into_envelope(set_point.position));
         cell.act(set_point);
     }
+}
+
+#[test]
+fn the_predictive_law_follows_closer_than_the_plain_one() {
+    let rms_m = |controller| {
+        let (mut learner, mut cell) = at_home_with(controller);
+        cell.target = [0.55, -0.1];
+        cell.target_velocity = [0.0, 0.1];
+        let mut sum = 0.0;
+        for frame in 0..75 {
+            cell.turn(&mut learner);
+            if frame >= 45 {
+                sum += cell.error_m().powi(2) / 30.0;
+            }
+        }
+        sum.sqrt()
+    };
+    let (plain, predictive) = (rms_m(Controller::Plain), rms_m(Controller::Predictive));
+    assert!(predictive < 0.7 * plain, "predictive {predictive} m, plain {plain} m");
+}
+
+#[test]
+fn the_predictive_law_starts_only_when_detections_agree_and_the_arm_is_at_rest() {
+    let (mut learner, mut cell) = at_home_with(Controller::Predictive);
+    cell.target = [0.6, 0.1];
+    cell.target_velocity = [0.0, 0.0];
+    let home = learner.parameters().home_rad;
+    for _ in 0..2 {
+        assert_eq!(learner.step(&cell.expose()).set_point.position, home, "two are not enough");
+        cell.frame += 1;
+    }
+    let mut moving = cell.expose();
+    moving.velocities = [0.3, 0.0];
+    assert_eq!(learner.step(&moving).set_point.position, home, "a moving arm does not start");
+    cell.frame += 1;
+    let started = learner.step(&cell.expose()).set_point;
+    assert!(started.position != home && started.detected == 1, "{started:?}");
 }

@@ -144,16 +144,20 @@ mod tests {
     #[test]
     fn a_message_that_cannot_be_is_answered_with_no_target() {
         let mut segmenter = segmenter();
-        let sound = votes(1);
-        let wrong = [
-            Votes { valid: 0, ..sound },
-            Votes { columns: u32::MAX, rows: 2, ..sound },
-            Votes { columns: 0, ..sound },
-            Votes { cell_px: f32::NAN, ..sound },
-            Votes { background_v: f64::INFINITY, ..sound },
+        let spoil: [fn(&mut Votes); 5] = [
+            |votes| votes.valid = 0,
+            |votes| (votes.columns, votes.rows) = (u32::MAX, 2),
+            |votes| votes.columns = 0,
+            |votes| votes.cell_px = f32::NAN,
+            |votes| votes.background_v = f64::INFINITY,
         ];
-        for votes in wrong {
+        let mut votes = Box::new(votes(1));
+        for spoil in spoil {
+            let sound = votes.clone();
+            spoil(&mut votes);
             assert_eq!(segmenter.answer(&votes, None).motion.found, 0);
+            votes = sound;
         }
+        assert_eq!(segmenter.answer(&votes, None).motion.found, 1);
     }
 }

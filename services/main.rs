@@ -1,5 +1,7 @@
 //! The one entry of `pursuit`: a service or a verb, by its first word.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 mod check;
 mod cli;
 mod demo;

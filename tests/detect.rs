@@ -70,8 +70,11 @@ fn annotated_images_are_written() {
     assert_eq!(images, 12);
 }
 
+/// A file to be: its name and its bytes.
+type NewFile = (&'static str, Vec<u8>);
+
 /// A folder with some files.
-fn folder_of(place: &Place, files: &[(&str, Vec<u8>)]) -> PathBuf {
+fn folder_of(place: &Place, files: &[NewFile]) -> PathBuf {
     let folder = place.file("images");
     std::fs::create_dir_all(&folder).expect("a folder");
     for (name, bytes) in files {
@@ -91,7 +94,7 @@ fn files_come_in_natural_order_and_others_are_passed_over() {
     let place = Place::new();
     let image = pgm(64, 64);
     let names = ["f10.pgm", "f2.pgm", "f1.pgm", "meta.json"];
-    let files: Vec<(&str, Vec<u8>)> = names.map(|name| (name, image.clone())).to_vec();
+    let files: Vec<NewFile> = names.map(|name| (name, image.clone())).to_vec();
     let lines = detect(&folder_of(&place, &files), &[]);
     let seen: Vec<&str> = lines.iter().map(|l| l["file"].as_str().expect("a name")).collect();
     assert_eq!(seen, ["f1.pgm", "f2.pgm", "f10.pgm"]);
@@ -100,7 +103,7 @@ fn files_come_in_natural_order_and_others_are_passed_over() {
 
 #[test]
 fn bad_folders_give_one_clear_line_and_exit_code_2() {
-    let cases: [(&str, Vec<(&str, Vec<u8>)>); 4] = [
+    let cases: [(&str, Vec<NewFile>); 4] = [
         ("one image is no pair", vec![("a.pgm", pgm(64, 64))]),
         ("mixed sizes", vec![("a.pgm", pgm(64, 64)), ("b.pgm", pgm(80, 64))]),
         ("a broken image", vec![("a.pgm", pgm(64, 64)), ("b.png", b"\x89PNG\r\n\x1a\nrubbish".to_vec())]),

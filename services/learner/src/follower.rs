@@ -111,10 +111,10 @@ impl Axis {
         let gain = [0, 1, 2].map(|i| self.covariance[i][0] / total);
         let off = measured - self.state[0];
         let row = self.covariance[0];
-        for i in 0..3 {
-            self.state[i] += gain[i] * off;
-            for j in 0..3 {
-                self.covariance[i][j] -= gain[i] * row[j];
+        for ((value, gain), covariances) in self.state.iter_mut().zip(gain).zip(&mut self.covariance) {
+            *value += gain * off;
+            for (covariance, first) in covariances.iter_mut().zip(row) {
+                *covariance -= gain * first;
             }
         }
     }

@@ -65,11 +65,10 @@ impl Progress {
         let text = self.line(glance);
         let phase = self.last.map(|record| record.phase);
         if self.shows {
-            eprint!("\r\x1b[2K{text}");
-            let _ = std::io::stderr().flush();
+            show(&format!("\r\x1b[2K{text}"));
         } else if phase != self.last_phase {
             // Not a terminal: a line for each change of phase is enough.
-            eprintln!("{text}");
+            show(&format!("{text}\n"));
         }
         self.last_phase = phase;
     }
@@ -77,7 +76,7 @@ impl Progress {
     /// Leaves the line.
     pub fn done(&self) {
         if self.shows {
-            eprintln!();
+            show("\n");
         }
     }
 
@@ -114,6 +113,12 @@ impl Progress {
         }
         text
     }
+}
+
+/// Whoever looked may have gone: that is no reason to end.
+fn show(text: &str) {
+    let mut out = std::io::stderr().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
 fn bar(share: f64) -> String {

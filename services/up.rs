@@ -87,7 +87,8 @@ pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u
     let mut progress =
         Progress::new(checked.learner.parameters.training_moves, checked.simulator.cell.frames);
     let frame_bytes = checked.acquisition.camera.shape().bytes();
-    let plan = Plan { directory: directory.clone(), document, program, frame_bytes };
+    let bounded = checked.simulator.cell.frames > 0;
+    let plan = Plan { directory: directory.clone(), document, program, frame_bytes, bounded };
     let mut restarts = 0;
     let ended = supervise(plan, |glance| {
         restarts = glance.services.iter().map(|s| s.restarts).sum();

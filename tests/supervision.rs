@@ -14,8 +14,11 @@ fn nothing_is_left_after_a_stop_at_any_moment() {
     for round in 0..ROUNDS {
         let place = Place::new();
         let mut system = place.up(&[]);
-        // From the middle of the start to the middle of the run, by either signal.
-        std::thread::sleep(Duration::from_millis(40 + 173 * round));
+        // From the begin of the start to the middle of the run, by either signal; not before the program
+        // is far enough to have anything to leave behind.
+        let locked = wait_for(|| place.run_dir().join("lock").exists().then_some(()));
+        assert!(locked.is_some(), "{}", place.log());
+        std::thread::sleep(Duration::from_millis(173 * round));
         system.signal(if round % 2 == 0 { Signal::INT } else { Signal::TERM });
         let (status, _) = system.end();
         assert!(status.success(), "round {round}: {status}\n{}", place.log());

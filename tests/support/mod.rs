@@ -146,6 +146,17 @@ impl System<'_> {
         states.unwrap_or_else(|| panic!("not all services came up\n{}", self.place.log()))
     }
 
+    /// Waits until a service runs in another process than `pid`; all states.
+    pub fn wait_until_replaced(&mut self, service: &str, pid: u32) -> Vec<Value> {
+        let states = wait_for(|| {
+            let services = self.place.status()?;
+            let child = services.iter().find(|s| s["service"] == service)?;
+            let running = child["state"] == "running" && child["pid"] != pid;
+            running.then_some(services)
+        });
+        states.unwrap_or_else(|| panic!("{service} was not started again\n{}", self.place.log()))
+    }
+
     /// Waits until the journal says that a frame of the phase was answered (0 training, 2 tracking).
     pub fn wait_for_phase(&mut self, phase: u32) {
         let journal = self.place.run_dir().join("journal.csv");

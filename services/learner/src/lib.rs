@@ -53,8 +53,7 @@ struct Saved<L> {
 /// [`ServiceError`] for a wrong config, a bus or a file that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = Config::load(&station.document)?;
-    let (mut checkpoint, saved) =
-        Checkpoint::open(&station.directory().join("learner.checkpoint"), SCHEMA, CHECKPOINT_BYTES)?;
+    let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
     let (mut epoch, mut learner) = restore(saved, &config);
     let mut refitter =
         Refitter::start().map_err(|e| ServiceError::Other(format!("no thread for refits: {e}")))?;
@@ -71,7 +70,8 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         set_points.greet_new_readers();
         if let Some((message, passed)) = targets.newest()? {
             station.health.skipped += passed;
-            pending = Some((message, monotonic_ns()));
+            let since = pending.take().map_or_else(monotonic_ns, |(_, since)| since);
+            pending = Some((message, since));
         }
         while let Some(message) = joints.receive()? {
             history.take(message.stamp().epoch, message.payload());
@@ -86,7 +86,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         }
         let output = match history.at(stamp.epoch, stamp.exposure_ns, config.run.clock) {
             Some((positions, velocities)) => {
-                refitter.merge_into(&mut learner, config.run.clock == Clock::Lockstep);
+                refitter.merge_into(&mut learner, config.run.clock == Clock::Lockstep)?;
                 let mut output = learner.step(&Input {
                     frame: stamp.frame,
                     exposure_ns: stamp.exposure_ns,

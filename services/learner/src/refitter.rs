@@ -2,12 +2,12 @@
 
 use crate::step::Learner;
 use pursuit_learning::{RefitJob, RefitResult, refit};
+use pursuit_runtime::ServiceError;
 use pursuit_runtime::clock::monotonic_ns;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::time::Duration;
 
-/// In lock-step a result is waited for this long before the run goes on without it; a refit takes some
-/// milliseconds, so this is reached only where its thread is dead.
+/// In lock-step a result is waited for this long; a refit takes some milliseconds.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Owns the thread. It ends when this is dropped.
@@ -55,17 +55,32 @@ impl Refitter {
 
     /// Merges the result where there is one; `waits` for it where a refit is running (lock-step: the
     /// answer to a frame must not depend on how fast the thread was).
-    pub fn merge_into(&mut self, learner: &mut Learner, waits: bool) {
+    ///
+    /// # Errors
+    /// Where the thread is dead, or in lock-step so slow that the run would not be reproducible: the
+    /// service shall start again from its checkpoint.
+    pub fn merge_into(&mut self, learner: &mut Learner, waits: bool) -> Result<(), ServiceError> {
         if self.running.is_none() {
-            return;
+            return Ok(());
         }
-        let result =
-            if waits { self.results.recv_timeout(PATIENCE).ok() } else { self.results.try_recv().ok() };
-        if let Some((result, spent_ns)) = result {
+        let result = if waits {
+            self.results
+                .recv_timeout(PATIENCE)
+                .map(Some)
+                .map_err(|e| format!("no refit in {PATIENCE:?}: {e}"))
+        } else {
+            match self.results.try_recv() {
+                Ok(result) => Ok(Some(result)),
+                Err(TryRecvError::Empty) => Ok(None),
+                Err(TryRecvError::Disconnected) => Err("the refit thread is dead".to_owned()),
+            }
+        };
+        if let Some((result, spent_ns)) = result.map_err(ServiceError::Other)? {
             self.running = None;
             self.last_ns = spent_ns;
             learner.merge(&result);
         }
+        Ok(())
     }
 
     /// Time that the last refit took, ns.

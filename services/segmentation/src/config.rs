@@ -7,6 +7,8 @@ use pursuit_runtime::settings;
 /// What segmentation needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
+    /// Section `[run]`.
+    pub run: settings::Run,
     /// Section `[camera]`.
     pub camera: settings::Camera,
     /// The segmenting part of the method's parameters.
@@ -29,10 +31,11 @@ impl Config {
 
     /// Reads the sections; faults go to the checker.
     pub fn read(checker: &Checker<'_>) -> Config {
+        let run = settings::Run::read(checker);
         let camera = settings::Camera::read(checker);
         let mut motion = Parameters::default();
         read(checker, &mut motion);
-        Config { camera, motion, blob: BlobParameters::default() }
+        Config { run, camera, motion, blob: BlobParameters::default() }
     }
 }
 

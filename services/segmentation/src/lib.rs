@@ -11,10 +11,11 @@ use pursuit_bus::{FrameMessage, FrameSubscriber, Message, wait};
 use pursuit_messages::topics::{Targets, VoteFields};
 use pursuit_messages::{Service, Stage, Stamp};
 use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
 use step::Segmenter;
 
-/// Longest wait for the frame behind a vote message, ns: after that the blob is answered as not found.
+/// Longest wait on the wall clock for the frame behind a vote message, ns: after that the blob is answered as not found.
 const FRAME_PATIENCE_NS: u64 = 100_000_000;
 
 /// Runs until stopped.
@@ -35,14 +36,16 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         recent.take_all(&frames)?;
         if let Some((message, passed)) = votes.newest()? {
             station.health.skipped += passed;
-            pending = Some((message, monotonic_ns()));
+            let since = pending.take().map_or_else(monotonic_ns, |(_, since)| since);
+            pending = Some((message, since));
             // The frame was sent before its votes; look again before deciding that it is missing.
             recent.take_all(&frames)?;
         }
         let Some((message, since)) = pending.take() else { continue };
         let begin = monotonic_ns();
         let frame = recent.find(message.stamp());
-        if frame.is_none() && begin < since + FRAME_PATIENCE_NS {
+        let patient = config.run.clock == Clock::Lockstep || begin < since + FRAME_PATIENCE_NS;
+        if frame.is_none() && patient {
             pending = Some((message, since));
             continue;
         }

@@ -102,7 +102,8 @@ mod tests {
     use pursuit_config::{Checker, Document};
 
     fn segmenter() -> Segmenter {
-        let text = "[camera]\nwidth = 256\nheight = 256\nrate_hz = 25.0\n";
+        let text =
+            "[run]\nclock = \"lockstep\"\nseed = 1\n[camera]\nwidth = 256\nheight = 256\nrate_hz = 25.0\n";
         let Ok(document) = Document::parse("test.toml", text) else { panic!("the config is right") };
         Segmenter::new(&Config::read(&Checker::new(&document)))
     }

@@ -14,7 +14,7 @@ const GRID_SEED: u64 = 12345;
 pub struct Evaluation {
     coupling: Coupling,
     cases: Vec<GridCase>,
-    exact: Vec<[f64; 2]>,
+    camera: Camera,
     normalisation: Normalisation,
 }
 
@@ -24,17 +24,16 @@ impl Evaluation {
         let mut random = ChaCha8Rng::seed_from_u64(GRID_SEED);
         let [low, high] = coupling.envelope().theta2_rad;
         let half = [f64::from(camera.width) / 2.0, f64::from(camera.height) / 2.0];
-        let (mut cases, mut exact) = (Vec::with_capacity(CASES), Vec::with_capacity(CASES));
+        let mut cases = Vec::with_capacity(CASES);
         while cases.len() < CASES {
             let theta2 = random.random_range(low..high);
             let point_px = half.map(|half| half * random.random_range(-1.0..1.0));
             let Some(answer) = exact_move(coupling, camera, point_px, theta2) else { continue };
             if (low..=high).contains(&(theta2 + answer[1])) {
                 cases.push(GridCase { point_px, theta2 });
-                exact.push(answer);
             }
         }
-        Evaluation { coupling: *coupling, cases, exact, normalisation }
+        Evaluation { coupling: *coupling, camera: *camera, cases, normalisation }
     }
 
     /// Distance that one single move of the network leaves between the camera's axis and the target, cm.
@@ -42,9 +41,12 @@ impl Evaluation {
     pub fn one_shot_cm(&self, weights: &[f64]) -> Option<GridError> {
         let network = Network::import(weights)?;
         let error_after = |case: &GridCase, command: [f64; 2]| {
-            let index = self.cases.iter().position(|other| core::ptr::eq(other, case)).unwrap_or(0);
-            let exact = self.exact[index];
-            let reached = self.coupling.camera_xy(command[0], case.theta2 + command[1]);
+            let Some(exact) = exact_move(&self.coupling, &self.camera, case.point_px, case.theta2) else {
+                return f64::INFINITY;
+            };
+            // A command goes no further than the envelope, here as in the learner.
+            let [theta1, theta2] = self.coupling.envelope().clamp([command[0], case.theta2 + command[1]]);
+            let reached = self.coupling.camera_xy(theta1, theta2);
             let wanted = self.coupling.camera_xy(exact[0], case.theta2 + exact[1]);
             100.0 * (reached[0] - wanted[0]).hypot(reached[1] - wanted[1])
         };

@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::journal::{MoveRecord, Record};
 use pursuit_bus::{Publisher, Subscriber, wait};
 use pursuit_messages::topics::{LearnerStates, WorldCommands, WorldStates};
-use pursuit_messages::{LearnerState, Stamp, WorldCommand};
+use pursuit_messages::{LearnerState, Stamp, WorldCommand, WorldState};
 use pursuit_runtime::checkpoint::Checkpoint;
 use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
 use pursuit_runtime::settings::Pace;
@@ -41,13 +41,16 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
     let commands = station.bus.subscriber(WorldCommands)?;
     let learner = station.bus.subscriber(LearnerStates)?;
     let anchor_ns = monotonic_ns().saturating_sub(cell.time_ns);
+    let mut before: Option<Question> = None;
     while !cell.is_finished(&fixed) {
-        let Some((stamp, command, state)) = ask(&mut station, config, &cell, (&worlds, &commands, &learner))?
-        else {
+        let question = Question::of(&cell, config);
+        let ports = (&worlds, &commands, &learner);
+        let Some((stamp, command, state)) = ask(&mut station, &question, before.as_ref(), ports)? else {
             return Ok(());
         };
+        before = Some(question);
         let (mut record, finished_move) =
-            cell.take(&fixed, cell.frame, &command, state.as_ref()).map_err(other)?;
+            cell.take(&fixed, cell.frame, &command, Some(&state)).map_err(other)?;
         record.take_times(&stamp);
         station.answered(cell.frame);
         let next_ns = cell.time_ns + config.cell.frame_period_ns;
@@ -65,33 +68,53 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
 
 type Ports<'a> = (&'a Publisher<WorldStates>, &'a Subscriber<WorldCommands>, &'a Subscriber<LearnerStates>);
 
+/// A frame that is to be answered.
+struct Question {
+    stamp: Stamp,
+    state: WorldState,
+}
+
+impl Question {
+    fn of(cell: &Cell, config: &Config) -> Question {
+        let stamp = Stamp::new(EPOCH, cell.frame, cell.time_ns, config.camera.shape());
+        Question { stamp, state: cell.state() }
+    }
+}
+
 /// Publishes the present frame's world and waits for its command, asking again from time to time; the
 /// learner's state after that frame comes with it. `None` when the service shall stop.
+///
+/// Who asks again shows the frame before first: a restarted vision needs both.
 fn ask(
     station: &mut Station,
-    config: &Config,
-    cell: &Cell,
+    question: &Question,
+    before: Option<&Question>,
     (worlds, commands, learner): Ports<'_>,
-) -> Result<Option<(Stamp, WorldCommand, Option<LearnerState>)>, ServiceError> {
-    let mut state = cell.state();
-    let stamp = Stamp::new(EPOCH, cell.frame, cell.time_ns, config.camera.shape());
+) -> Result<Option<(Stamp, WorldCommand, LearnerState)>, ServiceError> {
     let mut asked_ns = 0;
+    let mut answer = None;
     while station.turn() {
         let now = monotonic_ns();
         if now >= asked_ns + ASK_AGAIN_NS {
+            if let Some(before) = before.filter(|_| asked_ns > 0) {
+                worlds.publish(&before.stamp, &before.state)?;
+            }
             asked_ns = now;
-            state.attempt += 1;
-            worlds.publish(&stamp, &state)?;
+            worlds.publish(&question.stamp, &question.state)?;
         } else {
             worlds.greet_new_readers();
         }
         wait(&[commands], TICK)?;
         while let Some(message) = commands.receive()? {
-            if message.stamp().trace_id == stamp.trace_id {
-                let answer = (*message.stamp(), *message.payload());
-                let state = newest_state(learner, &stamp)?;
-                return Ok(Some((answer.0, answer.1, state)));
+            if message.stamp().trace_id == question.stamp.trace_id {
+                answer = Some((*message.stamp(), *message.payload()));
             }
+        }
+        // A restarted simulator may get the command before the state: then it is asked for again.
+        if let Some((stamp, command)) = answer
+            && let Some(state) = newest_state(learner, &question.stamp)?
+        {
+            return Ok(Some((stamp, command, state)));
         }
     }
     Ok(None)
@@ -120,8 +143,7 @@ impl Log {
     /// Opens the files of a run; where there is a checkpoint the run goes on from it.
     fn open(station: &Station, fixed: &Fixed) -> Result<(Log, Cell), ServiceError> {
         let folder = station.directory();
-        let (checkpoint, bytes) =
-            Checkpoint::open(&folder.join("simulator.checkpoint"), SCHEMA, CHECKPOINT_BYTES)?;
+        let (checkpoint, bytes) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
         let saved: Option<Saved<Cell>> = bytes.and_then(|bytes| postcard::from_bytes(&bytes).ok());
         let open = |name: &str| {
             File::options().create(true).truncate(false).write(true).open(folder.join(name)).map_err(|e| {

@@ -42,13 +42,16 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
 
         let next_ns = anchor_ns + cell.time_ns + CYCLE_NS;
         let mut newest = None;
-        while monotonic_ns() < next_ns {
+        loop {
             wait(&[&commands], Duration::from_nanos(next_ns.saturating_sub(monotonic_ns())))?;
             if let Some((message, _)) = commands.newest()? {
                 newest = Some((*message.stamp(), *message.payload()));
             }
             if let Some((message, _)) = learner.newest()? {
                 state_of_learner = Some(*message.payload());
+            }
+            if monotonic_ns() >= next_ns {
+                break;
             }
         }
         if let Some((stamp, command)) = newest {
@@ -57,7 +60,6 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
             // A line for each frame, and one when the driver begins or ends to refuse.
             if last_written != Some((stamp.frame, command.refusal)) {
                 last_written = Some((stamp.frame, command.refusal));
-                record.frame = stamp.frame;
                 record.take_times(&stamp);
                 line.clear();
                 record.write(&mut line);
@@ -78,6 +80,10 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
             anchor_ns += late;
             station.health.skipped += 1;
         }
+    }
+    if cell.is_finished(&fixed) {
+        std::fs::write(station.directory().join(place::TRAJECTORY), cell.trajectory_sha256())
+            .map_err(other)?;
     }
     Ok(())
 }

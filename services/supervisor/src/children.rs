@@ -24,6 +24,7 @@ pub enum Exit {
 pub struct Children {
     program: PathBuf,
     directory: PathBuf,
+    bounded: bool,
     all: Vec<OneChild>,
 }
 
@@ -34,13 +35,16 @@ struct OneChild {
     restarts: u32,
     started_ns: u64,
     start_at_ns: Option<u64>,
+    /// A child that was asked to end is killed at this time.
+    kill_at_ns: Option<u64>,
     history: History,
     health: Option<Health>,
 }
 
 impl Children {
-    /// Starts all services. One that cannot be started counts as died.
-    pub fn start(program: &Path, directory: &Path) -> Children {
+    /// Starts all services. One that cannot be started counts as died. In a `bounded` run one that is given
+    /// up ends the run.
+    pub fn start(program: &Path, directory: &Path, bounded: bool) -> Children {
         let now = monotonic_ns();
         let all = Service::ALL
             .into_iter()
@@ -51,11 +55,13 @@ impl Children {
                 restarts: 0,
                 started_ns: now,
                 start_at_ns: Some(now),
+                kill_at_ns: None,
                 history: History::default(),
                 health: None,
             })
             .collect();
-        let mut children = Children { program: program.to_owned(), directory: directory.to_owned(), all };
+        let mut children =
+            Children { program: program.to_owned(), directory: directory.to_owned(), bounded, all };
         children.start_due(now);
         children
     }
@@ -77,17 +83,24 @@ impl Children {
     /// Looks after all children: who ended, who is due to start again.
     pub fn look(&mut self, now_ns: u64) -> Option<Exit> {
         for child in &mut self.all {
+            if child.kill_at_ns.is_some_and(|at| now_ns >= at) {
+                child.kill_at_ns = None;
+                child.signal(Signal::KILL);
+            }
             let Some(status) = child.process.as_mut().and_then(|process| process.try_wait().ok().flatten())
             else {
                 continue;
             };
             child.process = None;
+            child.kill_at_ns = None;
             if let Some(exit) = child.ended(status, now_ns, &self.directory) {
                 return Some(exit);
             }
         }
         self.start_due(now_ns);
-        None
+        let given_up = self.all.iter().find(|child| child.state == State::GivenUp && self.bounded)?;
+        let last = last_line(&log_file(&self.directory, given_up.service));
+        Some(Exit::Hopeless(format!("{} dies again and again: {last}", given_up.service.name())))
     }
 
     /// What is told about all services at `now_ns`.
@@ -118,6 +131,7 @@ impl Children {
         let asked = child.signal(Signal::TERM);
         if asked {
             child.state = State::Stopping;
+            child.kill_at_ns = Some(monotonic_ns() + crate::STOP_LIMIT_NS);
         }
         asked
     }
@@ -183,7 +197,9 @@ impl OneChild {
         let service = self.service.name();
         let asked = self.state == State::Stopping;
         self.state = State::Ended;
-        if self.service == Service::Simulator && status.success() && !asked {
+        // It ends well too when somebody asks it to: only the run's mark says that it is done.
+        let complete = directory.join(pursuit_runtime::place::TRAJECTORY).exists();
+        if self.service == Service::Simulator && status.success() && complete {
             return Some(Exit::RunComplete);
         }
         if status.code() == Some(i32::from(DO_NOT_RESTART)) {

@@ -20,9 +20,9 @@ use pursuit_messages::topics::Healths;
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::place;
 use status::ServiceStatus;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// How often children and heartbeats are looked at.
 const WATCH: Duration = Duration::from_millis(20);
@@ -43,6 +43,8 @@ pub struct Plan {
     pub program: PathBuf,
     /// Bytes of a camera frame, for the memory budget.
     pub frame_bytes: usize,
+    /// Whether the run has an end: then a service that is given up ends it.
+    pub bounded: bool,
 }
 
 /// How a run ended.
@@ -106,11 +108,12 @@ const GLANCE_NS: u64 = 100_000_000;
 /// # Errors
 /// [`SupervisorError`]; nothing was started then, or everything has been ended.
 pub async fn run(plan: Plan, mut watch: impl FnMut(&Glance<'_>)) -> Result<Ended, SupervisorError> {
+    let mut stops = Stops::take_over()?;
     let instance = Instance::at(&plan.directory)?;
     let mut held = Held::take(&plan.directory)?;
     prepare(&plan, &instance)?;
     held.swept();
-    let outcome = supervise(&plan, &instance, &mut watch).await;
+    let outcome = supervise(&plan, &instance, &mut stops, &mut watch).await;
     instance.wipe();
     held.release();
     outcome
@@ -119,12 +122,7 @@ pub async fn run(plan: Plan, mut watch: impl FnMut(&Glance<'_>)) -> Result<Ended
 /// Cold start: whatever an earlier run left goes, the config for this run is written.
 fn prepare(plan: &Plan, instance: &Instance) -> Result<(), SupervisorError> {
     instance.wipe();
-    for entry in std::fs::read_dir(&plan.directory).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        if name != place::LOCK && name != instance::SERVICES_LOCK {
-            let _ = std::fs::remove_file(entry.path());
-        }
-    }
+    sweep(&plan.directory);
     let needed = pursuit_bus::memory_budget(plan.frame_bytes) as u64 * MEMORY_FACTOR;
     let free = rustix::fs::statvfs("/dev/shm").map_or(u64::MAX, |shm| shm.f_bavail * shm.f_frsize);
     if free < needed {
@@ -134,39 +132,49 @@ fn prepare(plan: &Plan, instance: &Instance) -> Result<(), SupervisorError> {
         .map_err(|cause| SupervisorError::System { what: "cannot write the run's config", cause })
 }
 
+/// Removes the files of an earlier run, by name: whatever else is in the directory is not ours.
+fn sweep(directory: &Path) {
+    let of_services = Service::ALL.into_iter().flat_map(|service| {
+        [children::log_file(directory, service), directory.join(place::checkpoint(service.name()))]
+    });
+    let of_the_run = [place::CONFIG, place::CONTROL, place::JOURNAL, place::MOVES, place::TRAJECTORY];
+    for file in of_the_run.map(|name| directory.join(name)).into_iter().chain(of_services) {
+        let _ = std::fs::remove_file(file);
+    }
+}
+
 async fn supervise(
     plan: &Plan,
     instance: &Instance,
+    stops: &mut Stops,
     watch: &mut impl FnMut(&Glance<'_>),
 ) -> Result<Ended, SupervisorError> {
-    let system = |what| move |cause| SupervisorError::System { what, cause };
-    let mut interrupt = signal(SignalKind::interrupt()).map_err(system("cannot take over SIGINT"))?;
-    let mut terminate = signal(SignalKind::terminate()).map_err(system("cannot take over SIGTERM"))?;
     let mut control = Control::listen(&plan.directory.join(place::CONTROL))
-        .map_err(system("cannot open the control socket"))?;
+        .map_err(|cause| SupervisorError::System { what: "cannot open the control socket", cause })?;
     let bus = Bus::join(instance, Service::Supervisor.name())?;
     let _topics = bus.hold_all_topics()?;
     let healths = bus.subscriber(Healths)?;
-    let mut children = Children::start(&plan.program, &plan.directory);
+    let mut children = Children::start(&plan.program, &plan.directory, plan.bounded);
     let mut watch_timer = tokio::time::interval(WATCH);
     watch_timer.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let (mut next_glance_ns, mut next_clean_ns) = (0, monotonic_ns() + CLEAN_NS);
     let ended = loop {
         tokio::select! {
-            _ = interrupt.recv() => break Ended::Stopped,
-            _ = terminate.recv() => break Ended::Stopped,
+            () = stops.asked() => break Ok(Ended::Stopped),
             Some((request, reply)) = control.next() => {
                 let down = request == Request::Down;
                 let _ = reply.send(answer(&request, &mut children));
-                if down { break Ended::Stopped }
+                if down { break Ok(Ended::Stopped) }
             }
             _ = watch_timer.tick() => {
                 let now = monotonic_ns();
-                hear(&healths, &mut children)?;
+                if let Err(error) = hear(&healths, &mut children) {
+                    break Err(error.into());
+                }
                 if let Some(exit) = children.look(now) {
                     match exit {
-                        Exit::RunComplete => break Ended::Finished,
-                        Exit::Hopeless(why) => break Ended::Failed(why),
+                        Exit::RunComplete => break Ok(Ended::Finished),
+                        Exit::Hopeless(why) => break Ok(Ended::Failed(why)),
                     }
                 }
                 if now >= next_clean_ns {
@@ -180,19 +188,47 @@ async fn supervise(
             }
         }
     };
-    stop_all(&mut children, &mut interrupt).await;
+    stop_all(&mut children, stops).await;
     watch(&Glance { services: &children.status(monotonic_ns()), directory: &plan.directory });
-    Ok(ended)
+    ended
 }
 
-/// SIGTERM to all, then SIGKILL to who is still there; a second Ctrl-C kills at once.
-async fn stop_all(children: &mut Children, interrupt: &mut tokio::signal::unix::Signal) {
+/// The signals that end a run.
+struct Stops {
+    all: [Signal; 3],
+}
+
+impl Stops {
+    /// Takes them over; before this they kill the process, after it they are asked for.
+    fn take_over() -> Result<Stops, SupervisorError> {
+        let take = |kind| {
+            signal(kind)
+                .map_err(|cause| SupervisorError::System { what: "cannot take over the stop signals", cause })
+        };
+        let all =
+            [take(SignalKind::interrupt())?, take(SignalKind::terminate())?, take(SignalKind::hangup())?];
+        Ok(Stops { all })
+    }
+
+    /// Returns when one of them has come.
+    async fn asked(&mut self) {
+        let [interrupt, terminate, hang_up] = &mut self.all;
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+            _ = hang_up.recv() => {}
+        }
+    }
+}
+
+/// SIGTERM to all, then SIGKILL to who is still there; a second signal kills at once.
+async fn stop_all(children: &mut Children, stops: &mut Stops) {
     children.ask_all_to_end();
     let limit = monotonic_ns() + STOP_LIMIT_NS;
     let mut timer = tokio::time::interval(WATCH);
     while !children.all_ended() && monotonic_ns() < limit {
         tokio::select! {
-            _ = interrupt.recv() => break,
+            () = stops.asked() => break,
             _ = timer.tick() => {}
         }
     }

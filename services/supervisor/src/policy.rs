@@ -34,7 +34,7 @@ impl History {
             self.deaths = 0;
         }
         self.deaths += 1;
-        if self.deaths > INTENSITY {
+        if self.deaths >= INTENSITY {
             return Decision::GiveUp;
         }
         let delay_ns = match self.deaths {
@@ -65,7 +65,7 @@ mod tests {
             starts += 1;
             assert!(starts <= INTENSITY);
         }
-        assert_eq!(starts, INTENSITY);
+        assert_eq!(starts, INTENSITY - 1);
     }
 
     #[test]

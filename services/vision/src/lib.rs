@@ -36,14 +36,14 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         let mut waiting = frames.receive()?;
         while let Some(frame) = waiting {
             waiting = frames.receive()?;
+            if frame.stamp().image != shape {
+                station.health.refused += 1;
+                continue;
+            }
             if waiting.is_some() && config.run.clock == Clock::Wall {
                 // Newest wins; the one passed over still serves as the older half of the pair.
                 station.health.skipped += 1;
                 pairs.take(frame);
-                continue;
-            }
-            if frame.stamp().image != shape {
-                station.health.refused += 1;
                 continue;
             }
             let begin = monotonic_ns();

@@ -77,8 +77,7 @@ impl Bus {
         Subscriber::open(self)
     }
 
-    /// The writer of FRAMES; every frame has at most `max_bytes`. Touches its whole pool once, so that
-    /// no page is first used on the way of a frame.
+    /// The writer of FRAMES; every frame has at most `max_bytes`.
     ///
     /// # Errors
     /// As [`Bus::publisher`].

@@ -274,8 +274,8 @@ pub struct WorldState {
     pub time_ns: u64,
     /// 1 where the camera exposes at this tick.
     pub exposes: u32,
-    /// How often this tick has been published.
-    pub attempt: u32,
+    /// Always 0.
+    pub reserved: u32,
     /// [`SceneKind`] as a number.
     pub scene: u32,
     /// 1 when the run is over.

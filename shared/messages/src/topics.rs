@@ -7,7 +7,7 @@
 //! | TARGET | segmentation | learner |
 //! | JOINTS | arm-driver | learner |
 //! | SETPOINT | learner | arm-driver |
-//! | LEARNER_STATE | learner | simulator (evaluation), supervisor |
+//! | LEARNER_STATE | learner | simulator (evaluation) |
 //! | WORLD_STATE | simulator | acquisition (simulated camera), arm-driver (simulated drives) |
 //! | WORLD_COMMAND | arm-driver | simulator |
 //! | HEALTH | every service | supervisor |

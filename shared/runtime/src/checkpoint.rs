@@ -82,12 +82,11 @@ impl Checkpoint {
     /// # Errors
     /// As [`Checkpoint::save`]; [`CheckpointError::Encoding`].
     pub fn save_value(&mut self, value: &impl serde::Serialize) -> Result<(), CheckpointError> {
-        let mut outcome = Ok(());
-        self.save(|buffer| match postcard::to_extend(value, std::mem::take(buffer)) {
-            Ok(filled) => *buffer = filled,
-            Err(error) => outcome = Err(error),
-        })?;
-        Ok(outcome?)
+        let mut buffer = std::mem::take(&mut self.buffer);
+        buffer.clear();
+        buffer.resize(HEADER, 0);
+        self.buffer = postcard::to_extend(value, buffer)?;
+        self.write_slot()
     }
 
     /// Saves what `write` puts into the buffer; nothing is allocated once the buffer has grown.
@@ -98,6 +97,11 @@ impl Checkpoint {
         self.buffer.clear();
         self.buffer.resize(HEADER, 0);
         write(&mut self.buffer);
+        self.write_slot()
+    }
+
+    /// Writes the buffer, whose first bytes are room for the header, into the older slot.
+    fn write_slot(&mut self) -> Result<(), CheckpointError> {
         let bytes = self.buffer.len() - HEADER;
         if self.buffer.len() > self.slot_bytes {
             return Err(CheckpointError::TooLarge { bytes, slot: self.slot_bytes - HEADER });

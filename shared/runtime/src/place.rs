@@ -27,7 +27,12 @@ pub const CONTROL: &str = "control";
 pub const JOURNAL: &str = "journal.csv";
 /// One line per training move: what the network was after it.
 pub const MOVES: &str = "moves.csv";
-/// Hash of the whole trajectory, written when a lock-step run is finished.
+/// The checkpoint of a service that has state.
+pub fn checkpoint(service: &str) -> String {
+    format!("{service}.checkpoint")
+}
+
+/// Hash of the whole trajectory, written when a run is finished: without it, it was not.
 pub const TRAJECTORY: &str = "trajectory.sha256";
 /// Held (shared) by every service as long as it lives: who can lock it alone knows that none is left.
 pub const SERVICES_LOCK: &str = "services.lock";

@@ -78,6 +78,11 @@ impl Station {
         let document = Document::load(&directory.join(place::CONFIG))?;
         let instance = Instance::at(directory)?;
         let alive = share_services_lock(directory)?;
+        let parent = std::env::var(SUPERVISOR_PID).ok().and_then(|text| text.parse().ok());
+        // The supervisor may have died while this process waited: its run is over, touch nothing.
+        if parent.is_some_and(|pid: u32| std::os::unix::process::parent_id() != pid) {
+            return Err(ServiceError::Other("the supervisor that started this service is gone".to_owned()));
+        }
         let bus = Bus::join(&instance, service.name())?;
         let pulse = bus.publisher(Healths)?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -85,7 +90,6 @@ impl Station {
             signal_hook::flag::register(signal, Arc::clone(&stop))
                 .map_err(|e| ServiceError::Other(format!("cannot take over signal {signal}: {e}")))?;
         }
-        let parent = std::env::var(SUPERVISOR_PID).ok().and_then(|text| text.parse().ok());
         let health = Health { service: service as u32, pid: std::process::id(), ..Health::default() };
         let directory = directory.to_path_buf();
         Ok(Station {
@@ -105,6 +109,11 @@ impl Station {
     /// The run-time directory.
     pub fn directory(&self) -> &Path {
         &self.directory
+    }
+
+    /// Where its state is saved, if it has any.
+    pub fn checkpoint_file(&self) -> PathBuf {
+        self.directory.join(place::checkpoint(self.service.name()))
     }
 
     /// Which service this is.

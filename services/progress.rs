@@ -136,6 +136,9 @@ impl Tail {
     fn new_lines(&mut self, path: &Path) -> Vec<String> {
         let Ok(mut file) = File::open(path) else { return Vec::new() };
         let mut text = String::new();
+        if file.metadata().is_ok_and(|meta| meta.len() < self.offset) {
+            self.offset = 0;
+        }
         if file.seek(SeekFrom::Start(self.offset)).is_err() || file.read_to_string(&mut text).is_err() {
             return Vec::new();
         }

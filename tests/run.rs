@@ -4,7 +4,7 @@ mod support;
 
 use rustix::process::Signal;
 use serde_json::Value;
-use support::{Place, json, kill, pid_of};
+use support::{Place, json, kill, pid_of, wait_for};
 
 const FRAMES: &str = "40";
 
@@ -95,6 +95,35 @@ fn survives_the_death_of(service: &str) {
     assert_eq!(report["trajectory_sha256"], expected["trajectory_sha256"], "{}", place.log());
     assert_eq!(report["learning"], expected["learning"]);
     place.assert_nothing_left();
+}
+
+#[test]
+fn a_vision_that_hangs_for_long_before_it_dies_changes_nothing() {
+    let calm = Place::new();
+    let expected = report(&calm, &["--seed", "9"]);
+    let place = Place::new();
+    let file = place.file("report.json");
+    let name = file.display().to_string();
+    let mut system =
+        place.up(&["--frames", FRAMES, "--seed", "9", "--set", "run.pace=real", "--json", &name]);
+    system.wait_until_running();
+    system.wait_for_phase(2);
+    let services = place.status().expect("it runs");
+    let pid = pid_of(&services, "vision");
+    kill(pid, Signal::STOP);
+    // Until the frame that it has not answered has been asked for again and again.
+    let silent = wait_for(|| {
+        let services = place.status()?;
+        let vision = services.iter().find(|s| s["service"] == "vision")?;
+        (vision["last_beat_ms"].as_u64()? > 700).then_some(())
+    });
+    assert!(silent.is_some());
+    kill(pid, Signal::KILL);
+    let (status, _) = system.end();
+    assert!(status.success(), "{status}\n{}", place.log());
+    let report = json(&file);
+    assert_eq!(report["restarts"], 1, "{report}");
+    assert_eq!(report["trajectory_sha256"], expected["trajectory_sha256"], "{}", place.log());
 }
 
 #[test]

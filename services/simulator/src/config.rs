@@ -67,7 +67,8 @@ impl Config {
             focal_px: lens.float_or("focal_px", 8.0..=1e5, pursuit_scene::FOCAL_PX),
             mount_rad: lens.float_or("mount_deg", -180.0..=180.0, 0.0).to_radians(),
         };
-        if !camera.period_ns().is_multiple_of(CYCLE_NS) {
+        let renders = checker.section("acquisition").text_or("source", "simulated") == "simulated";
+        if renders && !camera.period_ns().is_multiple_of(CYCLE_NS) {
             lens.fault(
                 "rate_hz",
                 "the simulator exposes every whole drive cycle of 10 ms: 100, 50, 25, 20, 12.5, 10, …",

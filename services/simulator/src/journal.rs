@@ -9,6 +9,9 @@ use std::str::FromStr;
 pub const HOPS: [Service; 5] =
     [Service::Acquisition, Service::Vision, Service::Segmentation, Service::Learner, Service::ArmDriver];
 
+/// The journal of a run without an end begins anew when it has grown to this: an hour or two, in memory.
+pub const MAX_ENDLESS_BYTES: u64 = 32 << 20;
+
 /// One frame of a run: what was true, what was answered, how long it took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Record {

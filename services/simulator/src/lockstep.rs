@@ -2,7 +2,7 @@
 
 use crate::cell::{Cell, Fixed};
 use crate::config::Config;
-use crate::journal::{MoveRecord, Record};
+use crate::journal::{MAX_ENDLESS_BYTES, MoveRecord, Record};
 use pursuit_bus::{Publisher, Subscriber, wait};
 use pursuit_messages::topics::{LearnerStates, WorldCommands, WorldStates};
 use pursuit_messages::{LearnerState, Stamp, WorldCommand, WorldState};
@@ -36,7 +36,7 @@ struct Saved<C> {
 /// Runs until stopped or finished.
 pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
     let fixed = Fixed::new(&config.cell).map_err(other)?;
-    let (mut log, mut cell) = Log::open(&station, &fixed)?;
+    let (mut log, mut cell) = Log::open(&station, &fixed, config.cell.frames == 0)?;
     let worlds = station.bus.publisher(WorldStates)?;
     let commands = station.bus.subscriber(WorldCommands)?;
     let learner = station.bus.subscriber(LearnerStates)?;
@@ -136,12 +136,13 @@ struct Log {
     moves: File,
     journal_bytes: u64,
     moves_bytes: u64,
+    endless: bool,
     line: String,
 }
 
 impl Log {
     /// Opens the files of a run; where there is a checkpoint the run goes on from it.
-    fn open(station: &Station, fixed: &Fixed) -> Result<(Log, Cell), ServiceError> {
+    fn open(station: &Station, fixed: &Fixed, endless: bool) -> Result<(Log, Cell), ServiceError> {
         let folder = station.directory();
         let (checkpoint, bytes) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
         let saved: Option<Saved<Cell>> = bytes.and_then(|bytes| postcard::from_bytes(&bytes).ok());
@@ -157,6 +158,7 @@ impl Log {
             moves,
             journal_bytes: 0,
             moves_bytes: 0,
+            endless,
             line: String::with_capacity(1024),
         };
         match saved {
@@ -186,6 +188,11 @@ impl Log {
     /// Writes down a frame and then the checkpoint behind it.
     fn write(&mut self, cell: &Cell, record: &Record, moved: Option<MoveRecord>) -> Result<(), ServiceError> {
         self.line.clear();
+        if self.endless && self.journal_bytes > MAX_ENDLESS_BYTES {
+            self.journal_bytes = 0;
+            self.cut()?;
+            self.line.push_str(&Record::header());
+        }
         record.write(&mut self.line);
         self.journal_bytes += append(&mut self.journal, &self.line)?;
         if let Some(moved) = moved {

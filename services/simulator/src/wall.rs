@@ -2,7 +2,7 @@
 
 use crate::cell::{Cell, Fixed};
 use crate::config::{CYCLE_NS, Config};
-use crate::journal::Record;
+use crate::journal::{MAX_ENDLESS_BYTES, Record};
 use pursuit_bus::wait;
 use pursuit_messages::Stamp;
 use pursuit_messages::topics::{LearnerStates, WorldCommands, WorldStates};
@@ -25,9 +25,10 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
     let mut moves = create(&station, place::MOVES, crate::journal::MoveRecord::header())?;
     let epoch = monotonic_ns();
     let mut anchor_ns = epoch;
-    let cycles_per_frame = config.cell.frame_period_ns / CYCLE_NS;
+    let cycles_per_frame = (config.cell.frame_period_ns / CYCLE_NS).max(1);
     let mut tick: u64 = 0;
     let mut last_written = None;
+    let mut written = 0;
     let mut state_of_learner = None;
     let mut line = String::with_capacity(1024);
     while station.turn() && !cell.is_finished(&fixed) {
@@ -63,6 +64,11 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
                 record.take_times(&stamp);
                 line.clear();
                 record.write(&mut line);
+                written += line.len() as u64;
+                if config.cell.frames == 0 && written > MAX_ENDLESS_BYTES {
+                    written = 0;
+                    journal = create(&station, place::JOURNAL, &Record::header())?;
+                }
                 journal.write_all(line.as_bytes()).map_err(other)?;
                 station.answered(stamp.frame);
             }

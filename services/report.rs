@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// Tracking begins with the vehicle somewhere in view: the first seconds are the approach and do not
-/// count as following (learner.md section 6 leaves out the same time).
+/// count as following (section 6 of the design notes on the learner leaves out the same time).
 pub const APPROACH_S: f64 = 3.0;
 /// The paper, section 3: "in about 5 moves [...] a precision of approximately 3 cm".
 pub const PAPER_MOVES_TO_3_CM: u32 = 5;

@@ -4,7 +4,7 @@
 //! ([`Drives::issued_position`]); the next command continues from there, so a restarted driver goes on
 //! without a jump, and nothing is derived from noisy measurements.
 //!
-//! Gates and numbers: the design's reliability.md, sections 4.1 and 4.3.
+//! Gates and numbers: the design notes on reliability, sections 4.1 and 4.3.
 
 use pursuit_kinematics::{Coupling, JOINTS, Limits, LimitsError, Motion};
 use pursuit_messages::stamp::LAYOUT;

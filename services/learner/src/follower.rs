@@ -1,5 +1,5 @@
 //! Where the target is going, in joint space: a constant-acceleration Kalman filter per joint, a gate
-//! against detections that cannot be, and the prediction over the robot's delay (learner.md, section 6).
+//! against detections that cannot be, and the prediction over the robot's delay (design notes on the learner, section 6).
 //!
 //! Each measurement is the absolute joint target at the exposure of its frame. The paper has none of
 //! this: "no smoothing is carried out", and it names prediction as future work.

@@ -5,7 +5,7 @@ use pursuit_learning::{GridCase, GridError, Network, Normalisation, evaluate_gri
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Cases of the evaluation grid (learner.md, head).
+/// Cases of the evaluation grid (design notes on the learner, head).
 const CASES: usize = 300;
 /// The cases are the same for every run and seed.
 const GRID_SEED: u64 = 12345;

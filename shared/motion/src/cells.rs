@@ -2,7 +2,7 @@
 //! can thus blur and subsample the 12 fields of motion votes so as to reduce the smallest acceptable
 //! target size to 1 pixel").
 //!
-//! 16 cells lie along the shorter side. vision.md, section 2 item 7 blurs and subsamples repeatedly with
+//! 16 cells lie along the shorter side. design notes on vision, section 2 item 7 blurs and subsamples repeatedly with
 //! `[1 3 3 1] / 8`; that is a subdivision scheme whose kernel is the quadratic B-spline with the cell's
 //! width between its knots. Here each cell is weighted with that spline in one go, which works for cells
 //! of any width. Two deviations: votes are first summed over blocks of a quarter of a cell, which then

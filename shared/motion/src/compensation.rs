@@ -68,7 +68,7 @@ pub(crate) fn rounded_shift(
 /// What may vote for the cells on level `k` (from 0) of `width` x `height` pixels after the older frame was moved by
 /// `shift` full-resolution px: not where its content came from outside or was blurred with it.
 ///
-/// vision.md, section 2 item 6 takes a margin of 2 level px, which is exact for the binomial kernel; the
+/// design notes on vision, section 2 item 6 takes a margin of 2 level px, which is exact for the binomial kernel; the
 /// Gaussian of radius 6 needs 6.
 pub(crate) fn voting_region(
     shift: (i32, i32),

@@ -22,7 +22,7 @@ pub const BLOBS_ADDED: usize = 3;
 /// Threshold on the sum of the blobs, as a share of its maximum. 0.15 to 0.5 find the same targets.
 pub const SUM_THRESHOLD: f32 = 0.3;
 /// Contrast of the best blob below which there is no target: the paper's "(if any)". The contrast is a
-/// ratio of votes, not a probability: empty scenes pass it too (vision.md, section 0).
+/// ratio of votes, not a probability: empty scenes pass it too (design notes on vision, section 0).
 pub const CONTRAST_CUT: f32 = 3.0;
 /// Field of search: the whole image.
 pub const SEARCH_RADIUS: f32 = 1.0;

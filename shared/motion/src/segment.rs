@@ -122,7 +122,7 @@ impl HalfField {
 /// largest remaining blob is the target.
 ///
 /// "Separately for each signed field [...] the three highest-rank blobs" is read as the three best of
-/// all 24 half fields together: three of each find far fewer targets (vision.md, section 1). To the
+/// all 24 half fields together: three of each find far fewer targets (design notes on vision, section 1). To the
 /// centre of gravity, which lies half way between the target's two positions, half of its displacement
 /// is added: the position is the one in the newer frame.
 ///
@@ -305,7 +305,7 @@ fn mean_velocity(fields: &Fields, cells: impl Iterator<Item = usize> + Clone) ->
 ///
 /// The average is damped as the global estimate is, by `sum(abs(c)) / max(sum(abs(c)), floor)`: a
 /// compensated background votes only with its errors, and the undamped average makes the shift worse
-/// (vision.md, section 2 item 10). A floor of 0 is the paper, to the letter.
+/// (design notes on vision, section 2 item 10). A floor of 0 is the paper, to the letter.
 fn background_velocity(
     fields: &Fields,
     summary: &VoteSummary,

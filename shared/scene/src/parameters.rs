@@ -28,7 +28,7 @@ const MAX_CONTRAST_SD: f64 = 73.0;
 /// With coarser texels the smallest leaf, 1.5 mm, is none.
 const COARSEST_TEXEL_M: f64 = 0.002;
 
-/// How carefully the texture is prefiltered before the bilinear look-up (design/simulator.md section 3).
+/// How carefully the texture is prefiltered before the bilinear look-up (design notes on the simulator, section 3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
     /// One texel of Gaussian prefilter: the shift of a frame is right within 1 %.

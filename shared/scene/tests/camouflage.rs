@@ -7,7 +7,7 @@ use common::{Image, blurred, project, render};
 use pursuit_scene::{Kind, Scene, SceneParameters, View};
 
 /// A detector that knows the outline sees it only this much stronger than a place where there is none
-/// (design/simulator.md section 3).
+/// (design notes on the simulator, section 3).
 const MOST_RATIO: f64 = 1.3;
 
 fn view(seed: u64) -> View {
@@ -41,7 +41,7 @@ fn outline(view: &View, place: [f64; 2]) -> Vec<[f64; 2]> {
 }
 
 /// Means along the outline of a vehicle at `place`: the magnitude of the gradient after a blur of one pixel, which is
-/// the check of design/simulator.md, and the difference between the pixels 1.5 to each side, unblurred.
+/// the check of the design notes on the simulator, and the difference between the pixels 1.5 to each side, unblurred.
 fn along_outline(image: &Image, view: &View, place: [f64; 2]) -> [f64; 2] {
     let smooth = blurred(image, 1.0);
     let corners = outline(view, place);

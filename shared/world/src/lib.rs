@@ -6,7 +6,7 @@
 //! bit like the one that was saved.
 //!
 //! rapier computes in f32; everything that is read from here goes through the kinematics in f64.
-//! Settings and numbers: the design's simulator.md, sections 6, 7 and 9.
+//! Settings and numbers: the design notes on the simulator, sections 6, 7 and 9.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

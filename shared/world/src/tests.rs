@@ -178,7 +178,7 @@ fn a_stopped_command_stream_brings_the_arm_to_rest() {
     assert!(world.velocities().iter().all(|velocity| velocity.abs() < 2e-3), "{:?}", world.velocities());
 }
 
-/// simulator.md: a tip commanded into the table rests on it and stays finite.
+/// design notes on the simulator: a tip commanded into the table rests on it and stays finite.
 #[test]
 fn the_table_stops_the_camera() {
     let mut world = World::new(&parameters(FAST_SUBSTEPS)).unwrap();

@@ -6,7 +6,7 @@ fn coupling() -> Coupling {
 }
 
 /// theta2, theta3, theta5 (deg), r, rho (m), dr/dtheta2 (m/rad), dtheta3/dtheta2, as printed in the
-/// design (learner.md, section 2), so to half a unit of the last digit
+/// design notes on the learner, section 2, so to half a unit of the last digit
 /// (one unit for dr/dtheta2: at 15 degrees it is -0.28249).
 const TABLE: [[f64; 7]; 6] = [
     [10.0, -114.39, -75.61, 0.8384, 0.8518, -0.206, -2.03],

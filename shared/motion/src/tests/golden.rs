@@ -1,4 +1,4 @@
-//! The golden cases of vision.md, section 3. "Interior" is 12 level-1 px from the border.
+//! The golden cases of design notes on vision, section 3. "Interior" is 12 level-1 px from the border.
 
 use super::*;
 use crate::compensation::coherence;
@@ -87,7 +87,7 @@ fn g2_each_axis_field_hears_its_own_velocity() {
 
 #[test]
 fn g3_each_diagonal_field_hears_its_own_velocity() {
-    // vision.md prints 0.59 for the tenth of sigma 1: that is a sampled Gaussian of 7 taps. The binomial
+    // design notes on vision prints 0.59 for the tenth of sigma 1: that is a sampled Gaussian of 7 taps. The binomial
     // kernel that section 2 prescribes gives 0.605 in the same prototype (6 textures: 0.599 to 0.611).
     for (smoothing, second, first, tenth) in
         [(Smoothing::Binomial, 0.945, 0.938, 0.605), (Smoothing::Gaussian, 0.991, 0.988, 0.95)]

@@ -1,4 +1,4 @@
-//! Tests of the detector: the golden cases G1..G10 of vision.md, section 3; a scalar oracle; properties.
+//! Tests of the detector: the golden cases G1..G10 of design notes on vision, section 3; a scalar oracle; properties.
 
 mod bright_blob;
 mod golden;

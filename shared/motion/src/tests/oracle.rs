@@ -1,4 +1,4 @@
-//! A slow, plain implementation of vision.md, section 2, as the oracle for the fast one: no lanes, no
+//! A slow, plain implementation of design notes on vision, section 2, as the oracle for the fast one: no lanes, no
 //! blocks of rows, no 16 bits.
 
 use super::*;

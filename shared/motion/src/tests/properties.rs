@@ -1,4 +1,4 @@
-//! Exact symmetries of the votes (G4, G5, G8 of vision.md, section 3) on random levels.
+//! Exact symmetries of the votes (G4, G5, G8 of design notes on vision, section 3) on random levels.
 
 use proptest::prelude::*;
 

@@ -34,7 +34,7 @@ fn every_size_up_to_four_to_one_is_voted_on_without_nan() {
         assert!(used(&fields, &summary).any(|vote| vote != 0.0), "{width}x{height}");
         assert_eq!(summary.columns.min(summary.rows), 16);
         if width.min(height) >= 256 {
-            // Below, level 3 is too small for the estimate (vision.md, section 5).
+            // Below, level 3 is too small for the estimate (design notes on vision, section 5).
             let off = (summary.shift.0 - 4).abs().max((summary.shift.1 + 2).abs());
             assert!(off <= 1, "{width}x{height}: {:?}", summary.shift);
         }

@@ -60,7 +60,7 @@ fn errors(parameters: &SceneParameters) -> (f64, f64) {
     (rms(a.iter().zip(ideal_a.iter()).map(|(x, y)| x - y)), error / rms(wanted.iter().copied()))
 }
 
-/// design/simulator.md section 3: "dI/dt error < 20 %".
+/// design notes on the simulator, section 3: "dI/dt error < 20 %".
 #[test]
 fn frame_and_its_change_are_those_of_the_ideal_camera() {
     let fast = SceneParameters { noise_sigma: 0.0, ..Default::default() };

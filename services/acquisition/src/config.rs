@@ -1,6 +1,6 @@
 //! Sections `[camera]` and `[acquisition]`.
 
-use pursuit_config::{Checker, Document, Faults, Scope};
+use pursuit_config::Checker;
 use pursuit_runtime::settings;
 use pursuit_scene::{CONTRAST_SD, FOCAL_PX, Lighting, NOISE_SIGMA, SceneParameters};
 use std::path::PathBuf;
@@ -35,17 +35,6 @@ pub struct Files {
 }
 
 impl Config {
-    /// Reads and checks what acquisition needs.
-    ///
-    /// # Errors
-    /// All faults of these sections at once.
-    pub fn load(document: &Document) -> Result<Config, Faults> {
-        let checker = Checker::new(document);
-        let config = Config::read(&checker);
-        checker.finish(Scope::ReadKeys)?;
-        Ok(config)
-    }
-
     /// Reads the sections; faults go to the checker.
     pub fn read(checker: &Checker<'_>) -> Config {
         let run = settings::Run::read(checker);

@@ -22,7 +22,7 @@ use pursuit_runtime::{ServiceError, Station, TICK};
 /// # Errors
 /// [`ServiceError`] for a wrong config or a bus that fails; a camera that fails is reported and tried again.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
-    let config = Config::load(&station.document)?;
+    let config = station.config(Config::read)?;
     let shape = config.camera.shape();
     let frames = station.bus.frame_publisher(shape.bytes())?;
     let mut camera: Box<dyn Camera> = match &config.source {

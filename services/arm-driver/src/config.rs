@@ -1,7 +1,7 @@
 //! Section `[arm]`.
 
 use crate::step::Parameters;
-use pursuit_config::{Checker, Document, Faults, Scope};
+use pursuit_config::Checker;
 use pursuit_kinematics::{Arm, Coupling};
 use pursuit_messages::payload::MAX_CYCLES;
 use pursuit_runtime::settings;
@@ -20,17 +20,6 @@ pub struct Config {
 }
 
 impl Config {
-    /// Reads and checks what the arm driver needs.
-    ///
-    /// # Errors
-    /// All faults of these sections at once.
-    pub fn load(document: &Document) -> Result<Config, Faults> {
-        let checker = Checker::new(document);
-        let config = Config::read(&checker);
-        checker.finish(Scope::ReadKeys)?;
-        Ok(config.unwrap_or_else(|| unreachable!("a coupling that cannot be is a fault")))
-    }
-
     /// Reads the sections; faults go to the checker. `None` only where there is a fault.
     pub fn read(checker: &Checker<'_>) -> Option<Config> {
         let run = settings::Run::read(checker);

@@ -27,7 +27,8 @@ use step::Driver;
 /// # Errors
 /// [`ServiceError`] for a wrong config or a bus that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
-    let config = Config::load(&station.document)?;
+    let config =
+        station.config(Config::read)?.unwrap_or_else(|| unreachable!("a coupling that cannot be is a fault"));
     let driver =
         Driver::new(config.parameters, config.coupling).map_err(|e| ServiceError::Other(e.to_string()))?;
     let joints = station.bus.publisher(JointStates)?;

@@ -52,7 +52,7 @@ struct Saved<L> {
 /// # Errors
 /// [`ServiceError`] for a wrong config, a bus or a file that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
-    let config = Config::load(&station.document)?;
+    let config = station.config(Config::read)?;
     let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
     let (mut epoch, mut learner) = restore(saved, &config);
     let mut refitter =

@@ -1,7 +1,7 @@
 //! Section `[learner]`.
 
 use crate::config::{Controller, Parameters, Profile};
-use pursuit_config::{Checker, Document, Faults, Scope};
+use pursuit_config::Checker;
 use pursuit_runtime::settings;
 use std::time::Duration;
 
@@ -15,17 +15,6 @@ pub struct Config {
 }
 
 impl Config {
-    /// Reads and checks what the learner needs.
-    ///
-    /// # Errors
-    /// All faults of these sections at once.
-    pub fn load(document: &Document) -> Result<Config, Faults> {
-        let checker = Checker::new(document);
-        let config = Config::read(&checker);
-        checker.finish(Scope::ReadKeys)?;
-        Ok(config)
-    }
-
     /// Reads the sections; faults go to the checker.
     pub fn read(checker: &Checker<'_>) -> Config {
         Config { run: settings::Run::read(checker), parameters: read(checker) }

@@ -1,6 +1,6 @@
 //! Section `[segmentation]`.
 
-use pursuit_config::{Checker, Document, Faults, Scope};
+use pursuit_config::Checker;
 use pursuit_motion::{BlobParameters, Parameters};
 use pursuit_runtime::settings;
 
@@ -18,17 +18,6 @@ pub struct Config {
 }
 
 impl Config {
-    /// Reads and checks what segmentation needs.
-    ///
-    /// # Errors
-    /// All faults of these sections at once.
-    pub fn load(document: &Document) -> Result<Config, Faults> {
-        let checker = Checker::new(document);
-        let config = Config::read(&checker);
-        checker.finish(Scope::ReadKeys)?;
-        Ok(config)
-    }
-
     /// Reads the sections; faults go to the checker.
     pub fn read(checker: &Checker<'_>) -> Config {
         let run = settings::Run::read(checker);

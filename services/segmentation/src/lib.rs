@@ -23,7 +23,7 @@ const FRAME_PATIENCE_NS: u64 = 100_000_000;
 /// # Errors
 /// [`ServiceError`] for a wrong config or a bus that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
-    let config = Config::load(&station.document)?;
+    let config = station.config(Config::read)?;
     let mut segmenter = Segmenter::new(&config);
     let targets = station.bus.publisher(Targets)?;
     let frames = station.bus.frame_subscriber()?;

@@ -1,6 +1,6 @@
 //! Sections `[simulator]` and `[vehicle]`, and the simulated part of `[camera]`.
 
-use pursuit_config::{Checker, Document, Faults, Scope, Section};
+use pursuit_config::{Checker, Section};
 use pursuit_kinematics::Camera;
 use pursuit_runtime::settings;
 use pursuit_scene::paths::{Arena, Disturbance, Mode, Path};
@@ -45,17 +45,6 @@ pub struct CellConfig {
 }
 
 impl Config {
-    /// Reads and checks what the simulator needs.
-    ///
-    /// # Errors
-    /// All faults of these sections at once.
-    pub fn load(document: &Document) -> Result<Config, Faults> {
-        let checker = Checker::new(document);
-        let config = Config::read(&checker);
-        checker.finish(Scope::ReadKeys)?;
-        Ok(config)
-    }
-
     /// Reads the sections; faults go to the checker.
     pub fn read(checker: &Checker<'_>) -> Config {
         let run = settings::Run::read(checker);

@@ -21,7 +21,7 @@ use pursuit_runtime::{ServiceError, Station};
 /// # Errors
 /// [`ServiceError`] for a wrong config, a bus or a file that fails, or physics that diverges.
 pub fn run(station: Station) -> Result<(), ServiceError> {
-    let config = Config::load(&station.document)?;
+    let config = station.config(Config::read)?;
     match config.run.clock {
         Clock::Lockstep => lockstep::run(station, &config),
         Clock::Wall => wall::run(station, &config),

@@ -23,7 +23,7 @@ use pursuit_runtime::{ServiceError, Station, TICK};
 /// # Errors
 /// [`ServiceError`] for a wrong config or a bus that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
-    let config = Config::load(&station.document)?;
+    let config = station.config(Config::read)?;
     let shape = config.camera.shape();
     let mut engine = VoteEngine::new(shape.width as usize, shape.height as usize, &config.motion)
         .map_err(|e| ServiceError::Other(e.to_string()))?;

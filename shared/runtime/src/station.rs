@@ -3,7 +3,7 @@
 use crate::clock::monotonic_ns;
 use crate::{logging, place};
 use pursuit_bus::{Bus, BusError, Instance, InstanceError, Publisher};
-use pursuit_config::{Document, Faults};
+use pursuit_config::{Checker, Document, Faults, Scope};
 use pursuit_messages::topics::Healths;
 use pursuit_messages::{Health, ImageShape, Service, Stamp};
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ pub struct Station {
     /// The bus of the instance.
     pub bus: Bus,
     /// The checked config of the run.
-    pub document: Document,
+    document: Document,
     /// What the heartbeat says; the loop counts in it.
     pub health: Health,
     directory: PathBuf,
@@ -104,6 +104,17 @@ impl Station {
             next_beat_ns: 0,
             _alive: alive,
         })
+    }
+
+    /// A service's own part of the config, by its reader.
+    ///
+    /// # Errors
+    /// All faults of the keys that were read, at once.
+    pub fn config<T>(&self, read: impl FnOnce(&Checker<'_>) -> T) -> Result<T, ServiceError> {
+        let checker = Checker::new(&self.document);
+        let config = read(&checker);
+        checker.finish(Scope::ReadKeys)?;
+        Ok(config)
     }
 
     /// The run-time directory.

@@ -6,6 +6,8 @@
 //! look-up in a level that is already blurred by lens and pixel ([`Scene`]), the faces of the vehicle (or the
 //! disc) laid over it with their exact coverage, then light and sensor noise.
 //!
+//! [`sequences`] is a second, planar generator: sequences for judging detectors, with exact ground truth.
+//!
 //! Frames and units: the base frame has z up and the table at z = 0, metres; the camera has x to the right of
 //! the image, y down, z along the viewing direction; the *centre* of pixel (0, 0) is image coordinate (0, 0).
 
@@ -19,6 +21,7 @@ pub mod paths;
 mod photometry;
 mod random;
 mod scene;
+pub mod sequences;
 mod solid;
 mod texture;
 mod view;

@@ -52,7 +52,7 @@ pub enum Verb {
         #[command(flatten)]
         place: Place,
     },
-    /// Find what moves in a folder of images.
+    /// Find what moves in a folder of images or a video.
     Detect(Detect),
     /// A measured experiment in lock-step, the paper's figure beside ours.
     Experiment(Experiment),
@@ -138,7 +138,7 @@ pub struct Demo {
 /// Options of `detect`.
 #[derive(Args, Clone, Debug)]
 pub struct Detect {
-    /// Folder with the images, taken in natural order of name.
+    /// Folder with the images, taken in natural order of name, or a video (decoded by ffmpeg).
     pub path: PathBuf,
     /// One JSON object per frame.
     #[arg(long)]
@@ -146,6 +146,12 @@ pub struct Detect {
     /// Write images with the detection drawn in.
     #[arg(long, value_name = "DIR")]
     pub annotate: Option<PathBuf>,
+    /// Write the 12 vote fields of each pair of images, as the paper's figure 4.
+    #[arg(long, value_name = "DIR")]
+    pub fields: Option<PathBuf>,
+    /// Write the pyramid of each image and what changed in it, as the paper's figure 2.
+    #[arg(long, value_name = "DIR")]
+    pub figure2: Option<PathBuf>,
     /// Config file for the sections [vision] and [segmentation].
     #[arg(long)]
     pub config: Option<PathBuf>,

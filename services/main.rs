@@ -140,9 +140,16 @@ fn detect(options: &cli::Detect) -> u8 {
         path: options.path.clone(),
         json: options.json,
         annotate: options.annotate.clone(),
+        fields: options.fields.clone(),
+        figure2: options.figure2.clone(),
     };
     match detect::run(&what, &parameters, &mut std::io::stdout().lock()) {
-        Ok(()) => exit::OK,
+        Ok(remark) => {
+            if let Some(remark) = remark {
+                eprintln!("pursuit detect: {remark}");
+            }
+            exit::OK
+        }
         Err(error) => {
             eprintln!("pursuit detect: {error}");
             exit::BAD_INPUT

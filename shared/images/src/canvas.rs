@@ -1,7 +1,8 @@
-//! Thin lines over a frame: crosses, boxes, circles, arrows.
+//! Lines over a frame: crosses, boxes, circles, arrows. Letters. Frames beside each other.
 
 use std::path::Path;
 
+use crate::letters::{self, GLYPH_COLUMNS, GLYPH_ROWS};
 use crate::{GreyImage, ImagesError, write_png_rgb};
 
 /// Points farther out are no image coordinates (and clipping would lose its precision).
@@ -17,9 +18,16 @@ pub struct Canvas {
     width: u32,
     height: u32,
     pixels: Vec<u8>,
+    pen_px: u32,
 }
 
 impl Canvas {
+    /// All of one colour.
+    pub fn filled(width: u32, height: u32, colour: Colour) -> Canvas {
+        let pixels = colour.repeat(width as usize * height as usize);
+        Canvas { width, height, pixels, pen_px: 1 }
+    }
+
     /// The frame in shades of grey.
     ///
     /// # Panics
@@ -27,7 +35,24 @@ impl Canvas {
     pub fn over(frame: &GreyImage) -> Canvas {
         let (width, height) = (frame.width, frame.height);
         assert_eq!(frame.pixels.len() as u64, u64::from(width) * u64::from(height), "not a whole frame");
-        Canvas { width, height, pixels: frame.pixels.iter().flat_map(|&grey| [grey; 3]).collect() }
+        let pixels = frame.pixels.iter().flat_map(|&grey| [grey; 3]).collect();
+        Canvas { width, height, pixels, pen_px: 1 }
+    }
+
+    /// Lines become so many pixels wide; 1 at first.
+    #[must_use]
+    pub fn with_pen(self, pen_px: u32) -> Canvas {
+        Canvas { pen_px: pen_px.max(1), ..self }
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> u32 {
+        self.height
     }
 
     /// The colour of a pixel, `None` outside.
@@ -121,6 +146,55 @@ impl Canvas {
         }
     }
 
+    /// Fills a box; `corner` is its top-left pixel, `size` (width, height) in pixels.
+    pub fn fill(&mut self, corner: (i64, i64), size: (u32, u32), colour: Colour) {
+        let visible = |from: i64, length: u32, side: u32| {
+            let side = i64::from(side);
+            from.clamp(0, side)..from.saturating_add(i64::from(length)).clamp(0, side)
+        };
+        for v in visible(corner.1, size.1, self.height) {
+            for u in visible(corner.0, size.0, self.width) {
+                self.put(u, v, colour);
+            }
+        }
+    }
+
+    /// Puts a frame there, its top-left pixel at `corner`.
+    ///
+    /// # Panics
+    /// When `frame` has not `width * height` pixels.
+    pub fn place(&mut self, corner: (i64, i64), frame: &GreyImage) {
+        assert_eq!(
+            frame.pixels.len() as u64,
+            u64::from(frame.width) * u64::from(frame.height),
+            "not a whole frame"
+        );
+        for (v, row) in (corner.1..).zip(frame.pixels.chunks_exact(frame.width as usize)) {
+            for (u, &grey) in (corner.0..).zip(row) {
+                self.put(u, v, [grey; 3]);
+            }
+        }
+    }
+
+    /// Writes a line of capital letters, digits and `.,-+/()=:%_`, `scale` pixels for each dot of the 5x7 that
+    /// a letter has; `corner` is the top-left pixel of the first. What has no letter leaves a gap.
+    pub fn text(&mut self, corner: (i64, i64), text: &str, scale: u32, colour: Colour) {
+        let step = i64::from(scale);
+        for (at, letter) in (0..).zip(text.chars()) {
+            let left = corner.0 + at * step * i64::from(GLYPH_COLUMNS + 1);
+            for (x, y) in letters::dots(letter) {
+                let dot = (left + step * i64::from(x), corner.1 + step * i64::from(y));
+                self.fill(dot, (scale, scale), colour);
+            }
+        }
+    }
+
+    /// Width and height in pixels of what [`Canvas::text`] writes.
+    pub fn text_size(text: &str, scale: u32) -> (u32, u32) {
+        let letters = text.chars().count() as u32;
+        ((letters * (GLYPH_COLUMNS + 1)).saturating_sub(1) * scale, GLYPH_ROWS * scale)
+    }
+
     /// Writes the canvas as a PNG file.
     ///
     /// # Errors
@@ -134,7 +208,16 @@ impl Canvas {
         ((0..width).contains(&u) && (0..height).contains(&v)).then_some((v * width + u) as usize)
     }
 
+    /// A dot of the pen.
     fn set(&mut self, u: i64, v: i64, colour: Colour) {
+        if self.pen_px == 1 {
+            return self.put(u, v, colour);
+        }
+        let back = i64::from((self.pen_px - 1) / 2);
+        self.fill((u - back, v - back), (self.pen_px, self.pen_px), colour);
+    }
+
+    fn put(&mut self, u: i64, v: i64, colour: Colour) {
         if let Some(index) = self.index(u, v) {
             self.pixels[3 * index..3 * index + 3].copy_from_slice(&colour);
         }

@@ -31,19 +31,19 @@ pub enum ImagesError {
         /// The decoder's words.
         reason: String,
     },
-    /// Larger than the limits allow.
-    #[error("{}: is {width}x{height} pixels, at most {max_width}x{max_height} are allowed", path.display())]
-    TooLarge {
+    /// Smaller or larger than the limits allow.
+    #[error("{}: is {width}x{height} pixels, each side must be {min_side} to {max_side} pixels", path.display())]
+    Sides {
         /// The file.
         path: PathBuf,
         /// Its width in pixels.
         width: u32,
         /// Its height in pixels.
         height: u32,
-        /// The largest width in pixels.
-        max_width: u32,
-        /// The largest height in pixels.
-        max_height: u32,
+        /// The shortest side in pixels.
+        min_side: u32,
+        /// The longest side in pixels.
+        max_side: u32,
     },
     /// Its pixels take more memory than the limits allow.
     #[error("{}: takes {bytes} bytes to decode, at most {max_bytes} are allowed", path.display())]
@@ -68,5 +68,20 @@ pub enum ImagesError {
         expected_width: u32,
         /// The height that was asked for, in pixels.
         expected_height: u32,
+    },
+    /// A video, and no program to decode it.
+    #[error(
+        "{name}: to read a video the program ffmpeg is needed and is not installed; install the package ffmpeg, \
+         or where there is one extract the images with `ffmpeg -i {name} FOLDER/%06d.png` and give that folder",
+        name = .0.display()
+    )]
+    NoFfmpeg(PathBuf),
+    /// ffmpeg gives no frame, or not all of them.
+    #[error("{}: ffmpeg cannot decode it: {reason}", path.display())]
+    Video {
+        /// The video.
+        path: PathBuf,
+        /// The last line of its complaints, or what became of it.
+        reason: String,
     },
 }

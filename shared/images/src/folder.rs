@@ -35,7 +35,8 @@ fn name(path: &Path) -> &[u8] {
     path.file_name().map(|name| name.as_encoded_bytes()).unwrap_or_default()
 }
 
-fn is_image_name(path: &Path) -> bool {
+/// Whether the name ends like an image's that [`list`] would give.
+pub fn is_image_name(path: &Path) -> bool {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     !name(path).starts_with(b".") && ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(ending))
 }

@@ -118,6 +118,58 @@ fn colours_count_by_their_luminance() {
     assert_eq!(grey(&path).unwrap().pixels, [54, 182, 18]);
 }
 
+/// A binary PNM file of one row, and how it reads.
+fn read_pnm(path: &Path, kind: &str, largest: u16, values: &[u16]) -> Vec<u8> {
+    let pixels = values.len() / if kind == "P6" { 3 } else { 1 };
+    let mut bytes = format!("{kind} {pixels} 1 {largest}\n").into_bytes();
+    for value in values {
+        let wide = value.to_be_bytes();
+        bytes.extend(if largest > 255 { &wide[..] } else { &wide[1..] });
+    }
+    std::fs::write(path, bytes).unwrap();
+    grey(path).unwrap().pixels
+}
+
+#[test]
+fn wide_values_are_scaled_to_the_nearest_of_8_bit() {
+    let folder = Folder::new("wide");
+    let path = folder.file("wide.pgm");
+    let nearest = |value: u16, largest: u16| (f64::from(value) * 255.0 / f64::from(largest)).round() as u8;
+    // The whole 16 bits, cameras of 10 and 12 bits, and what the format allows besides.
+    for (largest, step) in [(u16::MAX, 37), (4095, 1), (1023, 1), (256, 1), (200, 1), (15, 1)] {
+        let values: Vec<u16> = (0..=largest).step_by(step).collect();
+        let triples: Vec<u16> = values.iter().flat_map(|&value| [value; 3]).collect();
+        for (kind, values_of_kind) in [("P5", &values), ("P6", &triples)] {
+            let read = read_pnm(&path, kind, largest, values_of_kind);
+            for (&read, &value) in read.iter().zip(&values) {
+                let expected = nearest(value, largest);
+                // By way of 16 bits: rounded twice.
+                let twice = u8::from(largest != u16::MAX);
+                assert!(read.abs_diff(expected) <= twice, "{value} of {largest}: {read}, not {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bitmaps_are_black_and_white() {
+    let folder = Folder::new("bitmap");
+    let path = folder.file("bitmap.pnm");
+    std::fs::write(&path, b"P1 3 1\n1 0 1\n").unwrap();
+    assert_eq!(grey(&path).unwrap().pixels, [0, 255, 0]);
+    std::fs::write(&path, b"P4 3 1\n\xa0").unwrap();
+    assert_eq!(grey(&path).unwrap().pixels, [0, 255, 0]);
+}
+
+#[test]
+fn what_is_smaller_than_the_limits_is_refused() {
+    let folder = Folder::new("small");
+    let path = folder.file("small.pgm");
+    std::fs::write(&path, b"P5 63 64 255\n").unwrap();
+    let error = load_grey(&path, Limits { min_side: 64, ..Limits::default() }).unwrap_err().to_string();
+    assert!(error.ends_with("is 63x64 pixels, each side must be 64 to 4096 pixels"), "{error}");
+}
+
 #[test]
 fn what_is_written_reads_back() {
     let folder = Folder::new("write");
@@ -173,7 +225,7 @@ fn an_image_beyond_the_limits_is_refused_before_it_is_decoded() {
     std::fs::write(&path, b"P5 5000 3 255\n").unwrap();
     assert_eq!(
         complaint(&path),
-        format!("{}: is 5000x3 pixels, at most 4096x4096 are allowed", path.display())
+        format!("{}: is 5000x3 pixels, each side must be 1 to 4096 pixels", path.display())
     );
     std::fs::write(&path, b"P5 4294967295 4294967295 255\n").unwrap();
     complaint(&path);
@@ -245,6 +297,60 @@ fn a_folder_that_is_missing_or_a_file_is_named() {
     let error = list(&missing).unwrap_err().to_string();
     assert_eq!(error, format!("{}: is a file, give the folder that holds the images", missing.display()));
     assert!(list(&folder.file("gone/deeper")).unwrap_err().to_string().contains("is a file"));
+}
+
+#[test]
+fn letters_stand_where_they_should_and_are_cut_off_outside() {
+    let mut canvas = blank();
+    canvas.text((2, 1), "1.", 1, RED);
+    let one =
+        [(4, 1), (3, 2), (4, 2), (4, 3), (4, 4), (4, 5), (4, 6), (9, 6), (10, 6), (3, 7), (4, 7), (5, 7)];
+    assert_eq!(drawn(&canvas), [&one[..], &[(9, 7), (10, 7)]].concat());
+    let (mut upper, mut lower) = (blank(), blank());
+    upper.text((0, 0), "PX ", 1, RED);
+    lower.text((0, 0), "px\u{20ac}", 1, RED);
+    assert_eq!(upper, lower);
+    let mut large = blank();
+    large.text((-2, -2), "L", 2, RED);
+    let left: Vec<_> = drawn(&large).into_iter().filter(|&(u, _)| u < 2).collect();
+    assert!(left.is_empty() || left.iter().all(|&(_, v)| v >= 10 - 2), "only the foot is seen: {left:?}");
+    assert_eq!(Canvas::text_size("10", 2), (22, 14));
+    assert_eq!(Canvas::text_size("", 2), (0, 14));
+}
+
+#[test]
+fn every_letter_has_a_shape_of_its_own() {
+    let letters = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ.,-+/()=:%_";
+    let mut seen = std::collections::BTreeSet::new();
+    for letter in letters.chars() {
+        let dots: Vec<_> = crate::letters::dots(letter).collect();
+        assert!(!dots.is_empty() && dots.iter().all(|&(x, y)| x < 5 && y < 7), "{letter}");
+        assert!(seen.insert(dots), "{letter}");
+    }
+}
+
+#[test]
+fn boxes_and_frames_fill_their_place_and_are_cut_off_outside() {
+    let mut canvas = blank();
+    canvas.fill((18, 8), (100, 100), RED);
+    canvas.fill((-5, -5), (6, 6), RED);
+    assert_eq!(drawn(&canvas), [(0, 0), (18, 8), (19, 8), (18, 9), (19, 9)]);
+    let frame = GreyImage { width: 2, height: 2, pixels: vec![1, 2, 3, 4] };
+    let mut canvas = Canvas::filled(3, 2, RED);
+    canvas.place((2, -1), &frame);
+    canvas.place((0, 1), &frame);
+    let row = |v| [0, 1, 2].map(|u| canvas.colour_at(u, v).unwrap());
+    assert_eq!(row(0), [RED, RED, [3; 3]]);
+    assert_eq!(row(1), [[1; 3], [2; 3], RED]);
+    assert_eq!((canvas.width(), canvas.height()), (3, 2));
+}
+
+#[test]
+fn a_wide_pen_draws_wide_lines() {
+    let mut canvas = blank().with_pen(3);
+    canvas.line((5.0, 4.0), (7.0, 4.0), RED);
+    let expected: Vec<_> = (3..=5).flat_map(|v| (4..=8).map(move |u| (u, v))).collect();
+    assert_eq!(drawn(&canvas), expected);
 }
 
 const RED: [u8; 3] = [255, 0, 0];

@@ -53,7 +53,7 @@ fn each_library_is_known_only_where_it_belongs() {
         ("image", &["shared/images"]),
         ("toml", &["shared/config"]),
         ("tokio", &["services/supervisor"]),
-        ("nalgebra", &["shared/kinematics", "shared/world"]),
+        ("nalgebra", &["shared/kinematics", "shared/motion", "shared/world"]),
     ];
     for (name, manifest) in crates() {
         for (library, homes) in allowed {

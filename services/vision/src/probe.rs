@@ -32,6 +32,7 @@ impl Probe for Stopwatch {
             Part::Pyramid => self.pyramid_ns += spent,
             Part::Votes => self.votes_ns += spent,
             Part::Compensation => self.compensation_ns += spent,
+            Part::Competition => self.votes_ns += spent,
         }
     }
 }

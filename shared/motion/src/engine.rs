@@ -35,6 +35,8 @@ pub enum Part {
     Compensation,
     /// Derivatives, votes, cells; once more than the passes.
     Votes,
+    /// Blobs of evidence and the motions that compete for them (robust mode).
+    Competition,
 }
 
 /// Is told when a part of a step has ended, so that who has a clock can time the parts.
@@ -163,6 +165,16 @@ impl VoteEngine {
             self.shifted.build(&older, shift);
             probe.ended(Part::Compensation);
         }
+    }
+
+    /// Level `k` (0, 1, 2) of the newer frame of the last call: columns, rows, values from row to row, and
+    /// the values, in 1/16 grey level.
+    ///
+    /// # Panics
+    /// If there is no such level.
+    pub fn level(&self, k: usize) -> (usize, usize, usize, &[i16]) {
+        let level = &self.newer.levels[k];
+        (level.width, level.height, level.stride, &level.values)
     }
 
     /// Brings `self.older` and `self.newer` up to date; the older image, if there is one.

@@ -23,6 +23,7 @@ mod engine;
 mod image;
 pub mod parameters;
 mod pyramid;
+pub mod robust;
 mod segment;
 #[cfg(test)]
 mod tests;
@@ -34,4 +35,7 @@ pub use compensation::NOMINAL_VELOCITIES;
 pub use engine::{EngineError, FIELDS, Fields, NoProbe, Older, Part, Probe, VoteEngine, VoteSummary};
 pub use image::{Image, ImageError, MAX_SIDE, MIN_SIDE};
 pub use parameters::{ParameterError, Parameters, Smoothing};
+pub use robust::model::{GlobalMotion, MotionModel};
+pub use robust::parameters::{EvidenceParameters, RobustParameters};
+pub use robust::{Candidate, Findings, MAX_TARGETS, Outcome, RobustEngine};
 pub use segment::{Detection, NoTarget, SegmentScratch, Segmentation, segment};

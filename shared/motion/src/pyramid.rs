@@ -138,7 +138,7 @@ fn halve_frame(image: &Image<'_>, shift: (i32, i32), out: &mut Level, sums: &mut
 
 /// A level from the one below it. Sums are below 16 x 4080: 16 bits do; rounded in each direction.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn halve_level(source: &Level, out: &mut Level, sums: &mut [u16]) {
+pub(crate) fn halve_level(source: &Level, out: &mut Level, sums: &mut [u16]) {
     let sums = &mut sums[..2 * out.width + 4];
     let n = source.width;
     for y in 0..out.height {

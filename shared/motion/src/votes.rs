@@ -192,7 +192,7 @@ fn sum_blocks(votes: &[i16], block: usize, blocks: &mut [i32]) {
 /// Votes of [`LANES`] columns from `x` on, summed over `rows` rows (1..=[`MAX_BLOCK`]); and the sums of
 /// abs(d).
 #[inline(always)]
-fn vote_columns(
+pub(crate) fn vote_columns(
     a: &[i16],
     b: &[i16],
     stride: usize,

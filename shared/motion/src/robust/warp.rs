@@ -1,0 +1,178 @@
+//! The older levels as the newer frame would show them if only the background moved.
+
+use multiversion::multiversion;
+
+use super::gain::Gain;
+use super::model::{GlobalMotion, Row};
+use crate::pyramid::Level;
+
+/// Columns that are warped at once.
+const RUN: usize = 16;
+/// What comes from nearer to the border than this, level px, is not valid: it was blurred with the
+/// repeated border.
+const MARGIN: i32 = 2;
+/// Added to a number, it leaves no room for a fraction: the sum's last bits are the nearest whole number.
+const WHOLE: f32 = 12_582_912.0;
+
+/// The columns of one row that come from inside of the older frame (first, end).
+pub(crate) type Span = (usize, usize);
+
+/// Writes `source` moved by `motion` and brightened by `gain` into `out`, and the valid part of each row
+/// into `spans`: bilinear between the level's pixels, the border repeated.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub(crate) fn warp(
+    source: &Level,
+    motion: &GlobalMotion,
+    gain: Option<&mut Gain>,
+    k: usize,
+    out: &mut Level,
+    spans: &mut [Span],
+) {
+    let mut gain = gain;
+    for (y, span) in spans[..out.height].iter_mut().enumerate() {
+        let factors = gain.as_mut().map(|gain| gain.row(k, y));
+        let factors: Option<&[f32]> = factors.as_deref();
+        let line = &mut out.values[y * out.stride..][..out.stride];
+        *span = warp_row(source, motion, factors, (k, y), line);
+    }
+}
+
+#[inline(always)]
+fn warp_row(
+    source: &Level,
+    motion: &GlobalMotion,
+    factors: Option<&[f32]>,
+    (k, y): (usize, usize),
+    line: &mut [i16],
+) -> Span {
+    let row = motion.row(k, y);
+    let (from, to) = valid_columns(source, &row, y);
+    line[..from].fill(0);
+    line[to..].fill(0);
+    if from == to {
+        return (0, 0);
+    }
+    // Runs lie inside of the valid columns, the last one ends with them.
+    let last = to.max(from + RUN) - RUN;
+    for start in (from..last).step_by(RUN).chain([last]) {
+        let (mut dx, mut dy) = ([0f32; RUN], [0f32; RUN]);
+        let x = start as u32 as f32;
+        for l in 0..RUN {
+            let (u, v) = row.at(x + l as u32 as f32);
+            dx[l] = -u;
+            dy[l] = -v;
+        }
+        let mut grey = [0f32; RUN];
+        let whole = (below(dx[RUN / 2]), below(dy[RUN / 2]));
+        let (left, top) = (start as i32 + whole.0 as i32, y as i32 + whole.1 as i32);
+        for l in 0..RUN {
+            dx[l] -= whole.0;
+            dy[l] -= whole.1;
+        }
+        if straight(&dx, &dy) && fits(left, RUN, source.width) && fits(top, 1, source.height) {
+            let at = top as usize * source.stride + left as usize;
+            let above: &[i16; RUN + 1] = source.values[at..].first_chunk().expect("inside the level");
+            let below: &[i16; RUN + 1] =
+                source.values[at + source.stride..].first_chunk().expect("inside the level");
+            for l in 0..RUN {
+                grey[l] = bilinear([above[l], above[l + 1], below[l], below[l + 1]], dx[l], dy[l]);
+            }
+        } else {
+            for l in 0..RUN {
+                grey[l] = look_up(source, (left + l as i32, top), (dx[l], dy[l]));
+            }
+        }
+        if let Some(factors) = factors {
+            let factors: &[f32; RUN] = factors[start..].first_chunk().expect("longer than a row");
+            for l in 0..RUN {
+                grey[l] *= factors[l];
+            }
+        }
+        let values: &mut [i16; RUN] = line[start..].first_chunk_mut().expect("rows are padded");
+        for l in 0..RUN {
+            // Grey levels are not negative: the nearest whole number.
+            values[l] = (grey[l].min(GREATEST) + WHOLE).to_bits() as i16;
+        }
+    }
+    line[to..].fill(0);
+    (from, to)
+}
+
+/// The columns of row `y` that come from where the older level is valid (first, end).
+#[inline(always)]
+fn valid_columns(source: &Level, row: &Row, y: usize) -> Span {
+    let inside = |x: usize| {
+        let (u, v) = row.at(x as f32);
+        let within = |s: f32, side: usize| s >= MARGIN as f32 && s < side as f32 - 1.0 - MARGIN as f32;
+        within(x as f32 - u, source.width) && within(y as f32 - v, source.height)
+    };
+    // Displacements change slowly along a row, so that the valid columns are an interval: from some that
+    // are valid, its ends are found by halving.
+    let width = source.width;
+    let Some(seed) = (0..=SEEDS).map(|i| i * (width - 1) / SEEDS).find(|&x| inside(x)) else { return (0, 0) };
+    let end = |mut good: usize, mut bad: usize| {
+        while good.abs_diff(bad) > 1 {
+            let middle = usize::midpoint(good, bad);
+            *(if inside(middle) { &mut good } else { &mut bad }) = middle;
+        }
+        good
+    };
+    let first = if inside(0) { 0 } else { end(seed, 0) };
+    let last = if inside(width - 1) { width - 1 } else { end(seed, width - 1) };
+    (first, last + 1)
+}
+
+/// Columns that are tried to find a valid one.
+const SEEDS: usize = 8;
+
+/// One pixel, the border repeated.
+#[inline(always)]
+fn look_up(source: &Level, (x, y): (i32, i32), (dx, dy): (f32, f32)) -> f32 {
+    let (wx, wy) = (below(dx), below(dy));
+    let (x, y) = (x + wx as i32, y + wy as i32);
+    let column = |x: i32| x.clamp(0, source.width as i32 - 1) as usize;
+    let line = |y: i32| y.clamp(0, source.height as i32 - 1) as usize * source.stride;
+    let (c0, c1, r0, r1) = (column(x), column(x + 1), line(y), line(y + 1));
+    let v = &source.values;
+    bilinear([v[r0 + c0], v[r0 + c1], v[r1 + c0], v[r1 + c1]], dx - wx, dy - wy)
+}
+
+/// Greatest value that a derivative still fits 16 bits with: the gain may brighten beyond white.
+const GREATEST: f32 = 4080.0;
+
+/// Whether `count` columns or rows from `i` on, and the next one, are there.
+#[inline(always)]
+fn fits(i: i32, count: usize, side: usize) -> bool {
+    i >= 0 && i + (count as i32) < side as i32
+}
+
+/// The whole number below; where `x` is one, this or the next lower.
+#[inline(always)]
+fn below(x: f32) -> f32 {
+    ((x - 0.5) + WHOLE) - WHOLE
+}
+
+/// So far a bilinear surface is continued beyond its four pixels, that runs whose displacement is about a
+/// whole number need not be looked up pixel by pixel. The error is a 30th of the second difference, a
+/// quarter of the interpolation's own at its worst.
+const BEYOND: f32 = 1.0 / 16.0;
+
+/// Whether all pixels of a run lie beside each other where they come from: their places, from the first
+/// one's pixel, are within it.
+#[inline(always)]
+fn straight(dx: &[f32; RUN], dy: &[f32; RUN]) -> bool {
+    let mut farthest = 0u32;
+    for l in 0..RUN {
+        // Of positive numbers the larger has the larger bits.
+        let (x, y) = ((dx[l] - 0.5).abs().to_bits(), (dy[l] - 0.5).abs().to_bits());
+        farthest = farthest.max(x).max(y);
+    }
+    farthest <= (0.5 + BEYOND).to_bits()
+}
+
+#[inline(always)]
+fn bilinear(corners: [i16; 4], fx: f32, fy: f32) -> f32 {
+    let [a, b, c, d] = corners.map(f32::from);
+    let (above, below) = (a + fx * (b - a), c + fx * (d - c));
+    above + fy * (below - above)
+}

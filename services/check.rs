@@ -1,7 +1,6 @@
 //! Configs: the built-in one, files, `--set`; and the check of all sections at once.
 
 use pursuit_config::{Checker, Document, Faults, Scope};
-use pursuit_motion::Parameters;
 use pursuit_runtime::exit;
 use std::path::Path;
 
@@ -59,18 +58,26 @@ pub struct Checked {
     pub simulator: pursuit_simulator::config::Config,
 }
 
-/// Parameters of `pursuit detect`: `[vision]` and `[segmentation]`, all keys optional.
+/// What `pursuit detect` works with: `[vision]` and `[segmentation]`, all keys optional.
 ///
 /// # Errors
 /// All faults at once.
-pub fn detection(file: Option<&Path>, set: &[String]) -> Result<Parameters, Faults> {
+pub fn detection(file: Option<&Path>, set: &[String]) -> Result<Detection, Faults> {
     let document = document(file, set)?;
     let checker = Checker::new(&document);
-    let mut parameters = Parameters::default();
-    pursuit_vision::config::read(&checker, &mut parameters);
-    pursuit_segmentation::config::read(&checker, &mut parameters);
+    let vision = pursuit_vision::config::read(&checker);
+    let segmentation = pursuit_segmentation::config::read(&checker);
     checker.finish(Scope::ReadSections)?;
-    Ok(parameters)
+    Ok(Detection { vision, segmentation })
+}
+
+/// Both halves of the detector.
+#[derive(Clone, Copy, Debug)]
+pub struct Detection {
+    /// What looks at the frames.
+    pub vision: pursuit_vision::config::Detector,
+    /// What decides on targets.
+    pub segmentation: pursuit_segmentation::config::Decision,
 }
 
 /// `pursuit check FILE`.

@@ -165,9 +165,9 @@ pub struct Detect {
 pub struct Experiment {
     /// Which one.
     pub name: ExperimentName,
-    /// Number of seeds.
-    #[arg(long, default_value_t = 20)]
-    pub seeds: u64,
+    /// Number of seeds [default: 20; of robustness and ablation 5].
+    #[arg(long)]
+    pub seeds: Option<u64>,
     /// The first seed.
     #[arg(long, default_value_t = 1)]
     pub first_seed: u64,
@@ -180,6 +180,23 @@ pub struct Experiment {
     /// Folder for the plots [default: pursuit-out].
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
+    /// Robustness, ablation: these scenarios only, as `--scenes pan,empty_pan`.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub scenes: Vec<String>,
+    /// Robustness, ablation: sides of the frames, px [default: 512,256; of ablation 512].
+    #[arg(long, value_name = "PX", value_delimiter = ',')]
+    pub sizes: Vec<usize>,
+    /// Robustness, ablation: write the first seed's frames and truths there, one folder for each sequence.
+    #[arg(long, value_name = "DIR")]
+    pub frames: Option<PathBuf>,
+}
+
+impl Experiment {
+    /// Number of seeds, at least one.
+    pub fn seeds(&self) -> u64 {
+        let usual = if self.name.runs_the_arm() { 20 } else { 5 };
+        self.seeds.unwrap_or(usual).max(1)
+    }
 }
 
 /// All experiments.
@@ -189,4 +206,16 @@ pub enum ExperimentName {
     Learning,
     /// Distance from the hand to the vehicle while following it.
     Tracking,
+    /// What the detectors find, and where, in sequences with exact truth. The times are of one thread among
+    /// others: a loaded machine distorts them.
+    Robustness,
+    /// The robust detector with one of its parts changed at a time.
+    Ablation,
+}
+
+impl ExperimentName {
+    /// Whether arm and learner take part, so that keys of the config count; else it is about detectors alone.
+    pub fn runs_the_arm(self) -> bool {
+        matches!(self, ExperimentName::Learning | ExperimentName::Tracking)
+    }
 }

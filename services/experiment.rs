@@ -3,14 +3,14 @@
 use crate::check;
 use crate::cli::{Experiment, ExperimentName};
 use crate::inprocess::{self, Outcome};
+use crate::parallel;
 use crate::report::{APPROACH_S, PAPER_MOVES_TO_3_CM, PAPER_TRACKING_CM, Report, percentile};
+use crate::robustness;
 use crate::svg::{Mark, Plot, Series};
 use crate::up::write_json;
 use pursuit_runtime::exit;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Frames of tracking per run, at 12.5 Hz: 30 s, of which 3 s are the approach.
 const TRACKING_FRAMES: u64 = 375;
@@ -64,10 +64,12 @@ struct Tracked {
 
 /// Runs the verb.
 pub fn run(options: &Experiment) -> u8 {
-    let outcome = match options.name {
+    let outcome = applicable(options).and_then(|()| match options.name {
         ExperimentName::Learning => learning(options),
         ExperimentName::Tracking => tracking(options),
-    };
+        ExperimentName::Robustness => robustness::run(options),
+        ExperimentName::Ablation => robustness::ablation::run(options),
+    });
     match outcome {
         Ok(code) => code,
         Err(why) => {
@@ -75,6 +77,19 @@ pub fn run(options: &Experiment) -> u8 {
             exit::DO_NOT_RESTART
         }
     }
+}
+
+/// Nothing, where the experiment knows all options that are given.
+fn applicable(options: &Experiment) -> Result<(), String> {
+    let of_the_arm = options.name.runs_the_arm();
+    let of_detectors = !options.scenes.is_empty() || !options.sizes.is_empty() || options.frames.is_some();
+    if of_the_arm && of_detectors {
+        return Err("--scenes, --sizes and --frames are for robustness and ablation".to_owned());
+    }
+    if !of_the_arm && !options.set.is_empty() {
+        return Err("--set is for learning and tracking: detectors are compared as they are".to_owned());
+    }
+    Ok(())
 }
 
 fn learning(options: &Experiment) -> Result<u8, String> {
@@ -119,7 +134,7 @@ fn learning(options: &Experiment) -> Result<u8, String> {
         );
     }
     println!("  (median / 90th percentile over the seeds)");
-    publish(options, &Figures { schemes }, "experiment-learning.svg", &learning_plot(curves))
+    publish(options, &Figures { schemes }, "experiment-learning.svg", &learning_plot(curves).svg())
 }
 
 fn tracking(options: &Experiment) -> Result<u8, String> {
@@ -168,45 +183,23 @@ fn tracking(options: &Experiment) -> Result<u8, String> {
             run.path, run.speed_m_per_s, run.rate_hz, run.latency_ms
         );
     }
-    let plot = tracking_plot(&curves);
+    let plot = tracking_plot(&curves).svg();
     publish(options, &Figures { runs: figures }, "experiment-tracking.svg", &plot)
 }
 
-fn seeds_text(options: &Experiment) -> String {
-    format!("{} to {}", options.first_seed, options.first_seed + options.seeds.max(1) - 1)
+/// The seeds in words.
+pub fn seeds_text(options: &Experiment) -> String {
+    format!("{} to {}", options.first_seed, options.first_seed + options.seeds() - 1)
 }
 
-/// All runs of an experiment, on as many threads as there are cores, in the order of the seeds.
+/// All runs of an experiment, in the order of the seeds.
 fn over_seeds(options: &Experiment, set: &[String]) -> Result<Vec<(u64, Outcome)>, String> {
-    let count = options.seeds.max(1) as usize;
-    let next = AtomicUsize::new(0);
-    let results: Mutex<Vec<Option<Result<Outcome, String>>>> = Mutex::new((0..count).map(|_| None).collect());
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    if index >= count {
-                        return;
-                    }
-                    let outcome = one_seed(options, set, options.first_seed + index as u64);
-                    if let Ok(mut results) = results.lock() {
-                        results[index] = Some(outcome);
-                    }
-                }
-            });
-        }
-    });
-    let results = results.into_inner().map_err(|_| "a run of the experiment panicked".to_owned())?;
-    let numbered = (options.first_seed..).zip(results);
-    numbered
-        .map(|(seed, result)| match result {
-            Some(Ok(outcome)) => Ok((seed, outcome)),
-            Some(Err(why)) => Err(format!("seed {seed}: {why}")),
-            None => Err(format!("seed {seed} was not run")),
-        })
-        .collect()
+    let seed_of = |index: usize| options.first_seed + index as u64;
+    let results = parallel::map(options.seeds() as usize, usize::MAX, |index| {
+        let outcome = one_seed(options, set, seed_of(index));
+        outcome.map_err(|why| format!("seed {}: {why}", seed_of(index)))
+    })?;
+    (options.first_seed..).zip(results).map(|(seed, result)| Ok((seed, result?))).collect()
 }
 
 fn one_seed(options: &Experiment, set: &[String], seed: u64) -> Result<Outcome, String> {
@@ -354,11 +347,15 @@ fn tracking_plot(curves: &[(&'static str, &'static str, Vec<Report>)]) -> Plot {
     }
 }
 
-fn publish(options: &Experiment, figures: &impl Serialize, name: &str, plot: &Plot) -> Result<u8, String> {
+/// Writes the plot under this name, and the figures where they are wanted.
+///
+/// # Errors
+/// The plot cannot be written.
+pub fn publish(options: &Experiment, figures: &impl Serialize, name: &str, svg: &str) -> Result<u8, String> {
     let folder = options.plots.clone().unwrap_or_else(|| PathBuf::from(PLOTS));
     let file = folder.join(name);
     std::fs::create_dir_all(&folder)
-        .and_then(|()| std::fs::write(&file, plot.svg()))
+        .and_then(|()| std::fs::write(&file, svg))
         .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
     println!("\n  plot: {}", file.display());
     Ok(options.json.as_deref().map_or(exit::OK, |json: &Path| write_json(json, figures)))

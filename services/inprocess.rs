@@ -9,11 +9,12 @@ use pursuit_learner::step::{Input, Learner};
 use pursuit_learning::refit;
 use pursuit_messages::payload::Votes;
 use pursuit_messages::{Stamp, WorldState};
-use pursuit_motion::{Image, NoProbe, Older, VoteEngine};
+use pursuit_motion::{Image, NoProbe, Older};
 use pursuit_scene::Scene;
 use pursuit_segmentation::step::Segmenter;
 use pursuit_simulator::cell::{Cell, Fixed};
 use pursuit_simulator::journal::{MoveRecord, Record};
+use pursuit_vision::eye::Eye;
 
 /// Lock-step has one epoch; the simulator's is the same.
 const EPOCH: u64 = 1;
@@ -82,7 +83,7 @@ pub fn run(checked: &Checked) -> Result<Outcome, String> {
 /// Camera, vision and segmentation in one.
 struct Eyes {
     scene: Scene,
-    engine: VoteEngine,
+    eye: Eye,
     segmenter: Segmenter,
     votes: Box<Votes>,
     newer: Vec<u8>,
@@ -96,7 +97,7 @@ impl Eyes {
         let size = (shape.width as usize, shape.height as usize);
         Ok(Eyes {
             scene,
-            engine: VoteEngine::new(size.0, size.1, &checked.vision.motion).map_err(|e| e.to_string())?,
+            eye: Eye::new(size.0, size.1, &checked.vision.detector).map_err(|e| e.to_string())?,
             segmenter: Segmenter::new(&checked.segmentation),
             votes: Box::default(),
             newer: vec![0; size.0 * size.1],
@@ -115,15 +116,8 @@ impl Eyes {
             }
             None => Older::Missing,
         };
-        pursuit_vision::step(
-            &mut self.engine,
-            older,
-            newer,
-            u32::from(frame > 0),
-            &mut self.votes,
-            &mut NoProbe,
-        );
-        let target = self.segmenter.answer(&self.votes, Some(newer));
+        self.eye.look(older, newer, u32::from(frame > 0), &mut self.votes, &mut NoProbe);
+        let target = self.segmenter.answer((EPOCH, frame), &self.votes, Some(newer));
         let older = self.older.get_or_insert_with(|| vec![0; width * height]);
         std::mem::swap(older, &mut self.newer);
         Ok(target)

@@ -8,9 +8,11 @@ mod demo;
 mod detect;
 mod experiment;
 mod inprocess;
+mod parallel;
 mod plots;
 mod progress;
 mod report;
+mod robustness;
 mod svg;
 mod up;
 
@@ -129,8 +131,8 @@ fn down(directory: &Path) -> u8 {
 }
 
 fn detect(options: &cli::Detect) -> u8 {
-    let parameters = match check::detection(options.config.as_deref(), &options.set) {
-        Ok(parameters) => parameters,
+    let detection = match check::detection(options.config.as_deref(), &options.set) {
+        Ok(detection) => detection,
         Err(faults) => {
             eprintln!("{faults}");
             return exit::DO_NOT_RESTART;
@@ -143,7 +145,7 @@ fn detect(options: &cli::Detect) -> u8 {
         fields: options.fields.clone(),
         figure2: options.figure2.clone(),
     };
-    match detect::run(&what, &parameters, &mut std::io::stdout().lock()) {
+    match detect::run(&what, &detection, &mut std::io::stdout().lock()) {
         Ok(remark) => {
             if let Some(remark) = remark {
                 eprintln!("pursuit detect: {remark}");

@@ -58,17 +58,7 @@ impl Plot {
     /// The picture.
     pub fn svg(&self) -> String {
         let axes = self.axes();
-        let (width, height) = SIZE;
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-             height=\"{height}\" font-family=\"sans-serif\" font-size=\"13\">\n\
-             <style>.ink{{fill:#1a1a1a}}.grid{{stroke:#d8d8d8}}.paper{{fill:#ffffff}}\
-             @media(prefers-color-scheme:dark){{.ink{{fill:#e8e8e8}}.grid{{stroke:#444}}.paper{{fill:#16181c}}}}</style>\n\
-             <rect class=\"paper\" width=\"{width}\" height=\"{height}\"/>\n\
-             <text class=\"ink\" x=\"{x}\" y=\"26\" font-size=\"16\">{title}</text>\n",
-            x = MARGIN[0],
-            title = escape(&self.title)
-        );
+        let mut svg = head(SIZE, MARGIN[0], &self.title);
         self.draw_grid(&axes, &mut svg);
         for series in &self.series {
             draw_series(series, &axes, &mut svg);
@@ -164,6 +154,20 @@ impl Plot {
     }
 }
 
+/// The beginning of a picture of this width and height, px: paper and title. Text wants the class `ink`, lines
+/// the class `grid`; `</svg>` ends it.
+pub fn head((width, height): (f64, f64), title_x: f64, title: &str) -> String {
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"13\">\n\
+         <style>.ink{{fill:#1a1a1a}}.grid{{stroke:#d8d8d8}}.paper{{fill:#ffffff}}\
+         @media(prefers-color-scheme:dark){{.ink{{fill:#e8e8e8}}.grid{{stroke:#444}}.paper{{fill:#16181c}}}}</style>\n\
+         <rect class=\"paper\" width=\"{width}\" height=\"{height}\"/>\n\
+         <text class=\"ink\" x=\"{title_x}\" y=\"26\" font-size=\"16\">{title}</text>\n",
+        title = escape(title)
+    )
+}
+
 impl Axes {
     fn place(&self, point: [f64; 2]) -> [f64; 2] {
         self.place_linear([point[0], if self.log_y { point[1].log10() } else { point[1] }])
@@ -224,7 +228,8 @@ fn short(value: f64) -> String {
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
-fn escape(text: &str) -> String {
+/// The text with the signs replaced that mean something in SVG.
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 

@@ -111,7 +111,10 @@ mod tests {
     fn drawn(size: (u32, u32), target: Result<Target, String>) -> (Canvas, Vec<(u32, u32, Colour)>) {
         let pixels = vec![GREY[0]; (size.0 * size.1) as usize];
         let frame = GreyImage { width: size.0, height: size.1, pixels };
-        let canvas = annotated(&frame, &Answer { target, background: (5.0, 0.0), times: Times::default() });
+        let canvas = annotated(
+            &frame,
+            &Answer { target, pair: None, background: (5.0, 0.0), times: Times::default() },
+        );
         let all = (0..size.1).flat_map(|v| (0..size.0).map(move |u| (u, v)));
         let coloured = all.filter_map(|(u, v)| canvas.colour_at(u, v).map(|colour| (u, v, colour)));
         let coloured = coloured.filter(|(_, _, colour)| *colour != GREY).collect();
@@ -119,7 +122,17 @@ mod tests {
     }
 
     fn target(u: f64, v: f64) -> Target {
-        Target { u, v, vu: 0.0, vv: -6.0, confidence: 0.75, area_px: std::f64::consts::PI * 400.0 }
+        Target {
+            u,
+            v,
+            vu: 0.0,
+            vv: -6.0,
+            confidence: 0.75,
+            area_px: std::f64::consts::PI * 400.0,
+            uncertainty: None,
+            track: None,
+            coasting: false,
+        }
     }
 
     #[test]

@@ -3,11 +3,15 @@
 
 use std::time::{Duration, Instant};
 
+use crate::check::Detection;
 use pursuit_images::GreyImage;
+use pursuit_messages::payload::{self, Votes};
+use pursuit_messages::{ImageShape, PairOutcome, TrackPhase, VisionMode};
 use pursuit_motion::{
-    EngineError, FIELDS, Fields, Image, ImageError, MAX_CELLS, NOMINAL_VELOCITIES, Older, Parameters, Part,
-    Probe, SegmentScratch, VoteEngine, VoteSummary, segment,
+    BlobParameters, EngineError, Image, ImageError, NOMINAL_VELOCITIES, Older, Part, Probe,
 };
+use pursuit_segmentation::step::Segmenter;
+use pursuit_vision::eye::Eye;
 use thiserror::Error;
 
 /// Spatial scales of the detector.
@@ -16,8 +20,11 @@ pub const SCALES: usize = 3;
 /// What the detector says of one frame.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// The target, or in words why there is none.
+    /// The target, or in words why there is none: the track, where there is one that is sure enough, else
+    /// what this pair shows alone.
     pub target: Result<Target, String>,
+    /// The most probable answer of this pair alone, also where it is not sure enough.
+    pub pair: Option<Target>,
     /// Background velocity (right, down), px/frame.
     pub background: (f64, f64),
     /// What it took.
@@ -39,6 +46,13 @@ pub struct Target {
     pub confidence: f64,
     /// Area, px².
     pub area_px: f64,
+    /// Covariance of the position (uu, uv, vv; px²) and standard deviation of the velocity (px/frame), where
+    /// the detector knows them.
+    pub uncertainty: Option<([f64; 3], f64)>,
+    /// Number of the track, where it is one.
+    pub track: Option<u32>,
+    /// Whether it is not seen in this frame but carried on from those before.
+    pub coasting: bool,
 }
 
 /// Time spent on one frame.
@@ -85,70 +99,127 @@ pub enum DetectorError {
     Frame(#[from] ImageError),
 }
 
-/// The two steps of the detector and their memory.
+/// The steps of vision and segmentation, as the services run them, and their memory.
 pub struct Detector {
-    engine: VoteEngine,
-    parameters: Parameters,
-    fields: Box<Fields>,
-    summary: Option<VoteSummary>,
-    scratch: SegmentScratch,
+    eye: Eye,
+    segmenter: Segmenter,
+    votes: Box<Votes>,
+    frame: u64,
 }
 
 impl Detector {
     /// A detector for frames of this one's size.
-    pub fn new(frame: &GreyImage, parameters: &Parameters) -> Result<Detector, DetectorError> {
+    pub fn new(frame: &GreyImage, detection: &Detection) -> Result<Detector, DetectorError> {
+        let shape = ImageShape::grey(frame.width, frame.height);
         Ok(Detector {
-            engine: VoteEngine::new(frame.width as usize, frame.height as usize, parameters)?,
-            parameters: *parameters,
-            fields: Box::new([[0.0; MAX_CELLS]; FIELDS]),
-            summary: None,
-            scratch: SegmentScratch::new(),
+            eye: Eye::new(frame.width as usize, frame.height as usize, &detection.vision)?,
+            segmenter: Segmenter::for_images(shape, detection.segmentation, BlobParameters::default()),
+            votes: Box::default(),
+            frame: 0,
         })
     }
 
     /// The target in `newer`. `older` is the frame that was `newer` in the last call, `None` in the first.
     pub fn step(&mut self, older: Option<&GreyImage>, newer: &GreyImage) -> Result<Answer, DetectorError> {
+        let interval = u32::from(older.is_some());
         let older = older.map(view).transpose()?.map_or(Older::Missing, Older::LastNewer);
         let newer = view(newer)?;
         let mut stopwatch = Stopwatch::start();
-        let votes = self.engine.vote(older, newer, &mut self.fields, &mut stopwatch);
-        let found = segment(&self.fields, &votes, &self.parameters, &mut self.scratch);
+        self.eye.look(older, newer, interval, &mut self.votes, &mut stopwatch);
+        let said = self.segmenter.answer((0, self.frame), &self.votes, None);
         stopwatch.lap(|times| &mut times.segmentation);
-        self.summary = Some(votes);
-        let target = found.target.map_err(|reason| reason.to_string()).map(|target| {
-            let pursuit_motion::Detection { u, v, vu, vv, confidence, area_px, .. } = target;
-            Target { u, v, vu, vv, confidence, area_px }
+        self.frame += 1;
+        let alone = (said.motion.found == 1).then(|| of_detection(&said.motion));
+        let track = (said.track.found == 1).then(|| Target {
+            track: Some(said.track_id),
+            coasting: said.track_phase == TrackPhase::Coasting as u32,
+            ..of_detection(&said.track)
         });
-        Ok(Answer { target, background: found.background, times: stopwatch.times })
+        Ok(Answer {
+            target: track.or(alone).ok_or_else(|| self.reason()),
+            pair: alone.or_else(|| self.best_candidate()),
+            background: (said.background_u, said.background_v),
+            times: stopwatch.times,
+        })
+    }
+
+    fn candidates(&self) -> &[payload::Candidate] {
+        &self.votes.candidates[..self.votes.candidate_count as usize]
+    }
+
+    fn best_candidate(&self) -> Option<Target> {
+        let best = self.candidates().iter().max_by(|a, b| a.confidence.total_cmp(&b.confidence))?;
+        Some(Target {
+            u: best.u,
+            v: best.v,
+            vu: best.vu,
+            vv: best.vv,
+            confidence: best.confidence,
+            area_px: best.area_px,
+            uncertainty: Some((best.position_covariance, best.velocity_sd)),
+            track: None,
+            coasting: false,
+        })
+    }
+
+    /// Why there is no target.
+    fn reason(&self) -> String {
+        if self.votes.valid == 0 {
+            return "there is no frame before this one".to_owned();
+        }
+        if self.votes.mode == VisionMode::Paper as u32 {
+            return "no blob of votes stands out".to_owned();
+        }
+        match (PairOutcome::from_number(self.votes.outcome), self.best_candidate()) {
+            (Some(PairOutcome::Frozen), _) => "this frame is the one before once more".to_owned(),
+            (Some(PairOutcome::Featureless), _) => "nothing in the frames could be seen moving".to_owned(),
+            (_, Some(best)) => format!("the best guess has a confidence of {:.2}", best.confidence),
+            (_, None) => "nothing moves but the camera".to_owned(),
+        }
     }
 
     /// The vote fields of the last step in order of their labels; none where it had no pair.
     pub fn vote_fields(&self) -> Vec<VoteField<'_>> {
-        let Some(summary) = self.summary.filter(|summary| summary.valid) else { return Vec::new() };
-        let cells = summary.columns * summary.rows;
-        let fields = self.fields.iter().zip(NOMINAL_VELOCITIES);
+        if self.votes.valid == 0 {
+            return Vec::new();
+        }
+        let columns = self.votes.columns as usize;
+        let cells = columns * self.votes.rows as usize;
+        let fields = self.votes.fields.iter().zip(NOMINAL_VELOCITIES);
         (1..)
             .zip(fields)
-            .map(|(label, (votes, velocity))| VoteField {
-                label,
-                velocity,
-                columns: summary.columns,
-                votes: &votes[..cells],
-            })
+            .map(|(label, (votes, velocity))| VoteField { label, velocity, columns, votes: &votes[..cells] })
             .collect()
     }
 
     /// The pyramid's levels of the newer frame of the last step, finest first, each of its own size; `None`
     /// before the first step.
     pub fn levels(&self) -> Option<[GreyImage; SCALES]> {
-        self.summary?;
-        Some(std::array::from_fn(|k| {
-            let (width, height, stride, values) = self.engine.level(k);
-            // 16 steps per grey level.
-            let grey = |&value: &i16| ((value + 8) >> 4).clamp(0, 255) as u8;
-            let pixels = values.chunks(stride).take(height).flat_map(|row| &row[..width]).map(grey).collect();
-            GreyImage { width: width as u32, height: height as u32, pixels }
-        }))
+        (self.frame > 0).then(|| {
+            std::array::from_fn(|k| {
+                let (width, height, stride, values) = self.eye.level(k);
+                // 16 steps per grey level.
+                let grey = |&value: &i16| ((value + 8) >> 4).clamp(0, 255) as u8;
+                let rows = values.chunks(stride).take(height);
+                let pixels = rows.flat_map(|row| &row[..width]).map(grey).collect();
+                GreyImage { width: width as u32, height: height as u32, pixels }
+            })
+        })
+    }
+}
+
+fn of_detection(found: &payload::Detection) -> Target {
+    let known = found.velocity_sd > 0.0;
+    Target {
+        u: found.u,
+        v: found.v,
+        vu: found.vu,
+        vv: found.vv,
+        confidence: found.confidence,
+        area_px: found.area_px,
+        uncertainty: known.then_some((found.position_covariance, found.velocity_sd)),
+        track: None,
+        coasting: false,
     }
 }
 

@@ -17,8 +17,8 @@ mod tests;
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
 
+use crate::check::Detection;
 use pursuit_images::{GreyImage, ImagesError};
-use pursuit_motion::Parameters;
 use thiserror::Error;
 
 use detector::{Detector, DetectorError};
@@ -108,10 +108,10 @@ pub enum DetectError {
 /// The lines of the frames before are written by then.
 pub fn run(
     options: &Options,
-    parameters: &Parameters,
+    detection: &Detection,
     out: &mut impl Write,
 ) -> Result<Option<String>, DetectError> {
-    match detect(options, parameters, out) {
+    match detect(options, detection, out) {
         Err(DetectError::Output(error)) if error.kind() == ErrorKind::BrokenPipe => Ok(None),
         result => result,
     }
@@ -119,7 +119,7 @@ pub fn run(
 
 fn detect(
     options: &Options,
-    parameters: &Parameters,
+    detection: &Detection,
     out: &mut impl Write,
 ) -> Result<Option<String>, DetectError> {
     let mut input = Input::open(&options.path)?;
@@ -127,7 +127,7 @@ fn detect(
     let mut next = input.next_into(&mut newer)?;
     let Some(first) = &next else { return Ok(input.remark()) };
     let refused = |path: &PathBuf, error| DetectError::Detector { path: path.clone(), error };
-    let mut detector = Detector::new(&newer, parameters).map_err(|error| refused(&first.path, error))?;
+    let mut detector = Detector::new(&newer, detection).map_err(|error| refused(&first.path, error))?;
     let mut pictures = Pictures::prepare(options)?;
     let mut older = newer.clone();
     let mut summary = Summary::default();

@@ -14,6 +14,8 @@ struct Line<'a> {
     frame: usize,
     file: &'a str,
     target: Option<Target>,
+    /// The best answer of this pair alone, sure or not.
+    pair: Option<Target>,
     background: Background,
     us: Microseconds,
 }
@@ -26,6 +28,14 @@ struct Target {
     vv: f64,
     confidence: f64,
     area_px: f64,
+    /// uu, uv, vv, px²; null where it is not known.
+    position_covariance: Option<[f64; 3]>,
+    /// px/frame; null where it is not known.
+    velocity_sd: Option<f64>,
+    /// Number of the track, null where it is one pair's answer.
+    track: Option<u32>,
+    /// Whether it is carried on without being seen in this frame.
+    coasting: bool,
 }
 
 #[derive(Serialize)]
@@ -44,14 +54,8 @@ struct Microseconds {
 
 /// An object.
 pub fn write_json(out: &mut impl Write, frame: usize, file: &str, answer: &Answer) -> io::Result<()> {
-    let target = answer.target.as_ref().ok().map(|target| Target {
-        u: rounded(target.u),
-        v: rounded(target.v),
-        vu: rounded(target.vu),
-        vv: rounded(target.vv),
-        confidence: rounded(target.confidence),
-        area_px: rounded(target.area_px),
-    });
+    let target = answer.target.as_ref().ok().map(printed);
+    let pair = answer.pair.as_ref().map(printed);
     let background = Background { vu: rounded(answer.background.0), vv: rounded(answer.background.1) };
     let Times { pyramid, votes, compensation, segmentation } = answer.times;
     let us = Microseconds {
@@ -60,8 +64,23 @@ pub fn write_json(out: &mut impl Write, frame: usize, file: &str, answer: &Answe
         compensation: microseconds(compensation),
         segmentation: microseconds(segmentation),
     };
-    serde_json::to_writer(&mut *out, &Line { frame, file, target, background, us })?;
+    serde_json::to_writer(&mut *out, &Line { frame, file, target, pair, background, us })?;
     writeln!(out)
+}
+
+fn printed(target: &detector::Target) -> Target {
+    Target {
+        u: rounded(target.u),
+        v: rounded(target.v),
+        vu: rounded(target.vu),
+        vv: rounded(target.vv),
+        confidence: rounded(target.confidence),
+        area_px: rounded(target.area_px),
+        position_covariance: target.uncertainty.map(|(covariance, _)| covariance.map(rounded)),
+        velocity_sd: target.uncertainty.map(|(_, sd)| rounded(sd)),
+        track: target.track,
+        coasting: target.coasting,
+    }
 }
 
 /// To three decimals, without a negative zero.
@@ -97,7 +116,7 @@ pub fn write_head(out: &mut impl Write, frame: &GreyImage) -> io::Result<()> {
 pub fn write_row(out: &mut impl Write, frame: usize, file: &str, answer: &Answer) -> io::Result<()> {
     write!(out, "{frame:5} {file:NAME_COLUMNS$} ")?;
     match &answer.target {
-        Ok(detector::Target { u, v, vu, vv, confidence, area_px }) => {
+        Ok(detector::Target { u, v, vu, vv, confidence, area_px, .. }) => {
             let (vu, vv) = (tenths(*vu), tenths(*vv));
             write!(out, "{u:8.1} {v:8.1} {vu:7.1} {vv:7.1} {confidence:5.2} {area_px:7.0}")?;
         }

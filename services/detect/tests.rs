@@ -5,6 +5,11 @@ use pursuit_images::{Limits, list, load_grey, write_png_grey};
 
 const SIDE: u32 = 128;
 
+/// The built-in config's detector.
+fn detection() -> Detection {
+    crate::check::detection(None, &[]).unwrap()
+}
+
 /// A folder of its own for one test, removed at its end.
 struct Folder(PathBuf);
 
@@ -39,7 +44,7 @@ impl Folder {
 
     fn run(&self, options: &Options) -> (Result<Option<String>, DetectError>, String) {
         let mut out = Vec::new();
-        let result = run(options, &Parameters::default(), &mut out);
+        let result = run(options, &detection(), &mut out);
         (result, String::from_utf8(out).unwrap())
     }
 
@@ -160,7 +165,7 @@ fn a_path_that_is_neither_folder_nor_video_is_named() {
     let folder = Folder::with_frames("paths", 2);
     let complaint = |path: &Path| {
         let options = Options { path: path.to_owned(), ..Options::default() };
-        run(&options, &Parameters::default(), &mut Vec::new()).unwrap_err().to_string()
+        run(&options, &detection(), &mut Vec::new()).unwrap_err().to_string()
     };
     assert!(complaint(&folder.0.join("gone")).ends_with("gone: there is no such folder or file"));
     assert!(complaint(&folder.0.join("f0.png")).contains("f0.png: is one image, give the folder"));
@@ -180,6 +185,6 @@ fn a_reader_that_goes_away_is_no_error() {
     }
     let folder = Folder::with_frames("closed", 2);
     for json in [true, false] {
-        assert!(run(&folder.options(json), &Parameters::default(), &mut Closed).is_ok());
+        assert!(run(&folder.options(json), &detection(), &mut Closed).is_ok());
     }
 }

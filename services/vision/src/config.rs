@@ -1,7 +1,8 @@
 //! Section `[vision]`.
 
 use pursuit_config::Checker;
-use pursuit_motion::{Parameters, Smoothing};
+use pursuit_messages::VisionMode;
+use pursuit_motion::{MotionModel, Parameters, RobustParameters, Smoothing};
 use pursuit_runtime::settings;
 
 /// What vision needs.
@@ -11,8 +12,19 @@ pub struct Config {
     pub run: settings::Run,
     /// Section `[camera]`.
     pub camera: settings::Camera,
-    /// The voting part of the method's parameters; the others stay at their defaults.
-    pub motion: Parameters,
+    /// What looks at the frames.
+    pub detector: Detector,
+}
+
+/// A detector and its parameters; those of the other mode are not used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detector {
+    /// Which one.
+    pub mode: VisionMode,
+    /// The voting part of the paper's method; the rest stays at its defaults.
+    pub paper: Parameters,
+    /// Parameters of robust mode.
+    pub robust: RobustParameters,
 }
 
 impl Config {
@@ -20,19 +32,32 @@ impl Config {
     pub fn read(checker: &Checker<'_>) -> Config {
         let run = settings::Run::read(checker);
         let camera = settings::Camera::read(checker);
-        let mut motion = Parameters::default();
-        read(checker, &mut motion);
-        Config { run, camera, motion }
+        Config { run, camera, detector: read(checker) }
     }
 }
 
 /// Reads `[vision]` alone, for who has no camera (`pursuit detect`).
-pub fn read(checker: &Checker<'_>, motion: &mut Parameters) {
+pub fn read(checker: &Checker<'_>) -> Detector {
     let section = checker.section("vision");
-    // One mode in this version; the key is there so that configs name what they rely on.
-    section.choice_or("mode", &[("paper", ())], ());
+    let modes = [("robust", VisionMode::Robust), ("paper", VisionMode::Paper)];
+    let mode = section.choice_or("mode", &modes, VisionMode::Robust);
+    let mut paper = Parameters::default();
     let kernels = [("binomial", Smoothing::Binomial), ("gaussian", Smoothing::Gaussian)];
-    motion.smoothing = section.choice_or("smoothing", &kernels, motion.smoothing);
-    motion.passes = section.integer_or("passes", 0..=10, motion.passes);
-    motion.floor = section.float_or("floor", 0.0..=12.0, motion.floor);
+    paper.smoothing = section.choice_or("smoothing", &kernels, paper.smoothing);
+    paper.passes = section.integer_or("passes", 0..=10, paper.passes);
+    paper.floor = section.float_or("floor", 0.0..=12.0, paper.floor);
+    let mut robust = RobustParameters::default();
+    let models = [
+        ("translation", MotionModel::Translation),
+        ("similarity", MotionModel::Similarity),
+        ("affine", MotionModel::Affine),
+        ("planar", MotionModel::Planar),
+    ];
+    robust.model = section.choice_or("model", &models, robust.model);
+    robust.light = section.flag_or("light", robust.light);
+    robust.search = section.flag_or("search", robust.search);
+    robust.competition = section.flag_or("competition", robust.competition);
+    robust.symmetric = section.flag_or("symmetric", robust.symmetric);
+    robust.evidence.untuned = section.flag_or("untuned", robust.evidence.untuned);
+    Detector { mode, paper, robust }
 }

@@ -1,19 +1,21 @@
-//! Vision: from a pair of frames to the 12 signed vote fields.
+//! Vision: from a pair of frames to the 12 signed vote fields, and in robust mode to what moves on its own.
 //!
-//! A frame's way: FRAMES (read in place) → with the frame before: pyramid, derivatives, votes,
-//! compensation of the mean translation, votes again → VOTES (written in place).
+//! A frame's way: FRAMES (read in place) → with the frame before: pyramid, compensation of the camera's
+//! motion, derivatives, votes; in robust mode the competition of motions → VOTES (written in place).
 
 pub mod config;
+pub mod eye;
 mod pairs;
 mod probe;
 
 use config::Config;
+use eye::Eye;
 use pairs::{Pair, Pairs};
 use probe::Stopwatch;
 use pursuit_bus::{FrameMessage, wait};
 use pursuit_messages::topics::VoteFields;
 use pursuit_messages::{Service, Stage, Votes};
-use pursuit_motion::{Image, ImageError, Older, Probe, VoteEngine};
+use pursuit_motion::{Image, ImageError, Older};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
@@ -25,7 +27,7 @@ use pursuit_runtime::{ServiceError, Station, TICK};
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
     let shape = config.camera.shape();
-    let mut engine = VoteEngine::new(shape.width as usize, shape.height as usize, &config.motion)
+    let mut eye = Eye::new(shape.width as usize, shape.height as usize, &config.detector)
         .map_err(|e| ServiceError::Other(e.to_string()))?;
     let votes = station.bus.publisher(VoteFields)?;
     let frames = station.bus.frame_subscriber()?;
@@ -50,7 +52,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             pairs.take(frame);
             let Some(pair) = pairs.pair() else { continue };
             let mut loan = votes.loan()?;
-            vote(&mut engine, &pair, loan.payload_mut()).map_err(|e| ServiceError::Other(e.to_string()))?;
+            look(&mut eye, &pair, loan.payload_mut()).map_err(|e| ServiceError::Other(e.to_string()))?;
             let stamp = pair.newer.stamp().extended(Service::Vision, Stage::Votes, begin, monotonic_ns());
             loan.send(&stamp)?;
             station.answered(stamp.frame);
@@ -60,8 +62,8 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     Ok(())
 }
 
-/// Votes on the newest pair, straight into the message.
-fn vote(engine: &mut VoteEngine, pair: &Pair<'_>, votes: &mut Votes) -> Result<(), ImageError> {
+/// Looks at the newest pair; the answer goes straight into the message.
+fn look(eye: &mut Eye, pair: &Pair<'_>, votes: &mut Votes) -> Result<(), ImageError> {
     let newer = image(pair.newer)?;
     let older = match pair.older {
         None => Older::Missing,
@@ -69,31 +71,9 @@ fn vote(engine: &mut VoteEngine, pair: &Pair<'_>, votes: &mut Votes) -> Result<(
         Some(frame) => Older::Frame(image(frame)?),
     };
     let mut watch = Stopwatch::start();
-    step(engine, older, newer, pair.interval, votes, &mut watch);
-    (votes.pyramid_ns, votes.votes_ns, votes.compensation_ns) = watch.parts();
+    eye.look(older, newer, pair.interval, votes, &mut watch);
+    watch.write(votes);
     Ok(())
-}
-
-/// The pure step: from two frames, `interval` frames apart, to the message.
-pub fn step(
-    engine: &mut VoteEngine,
-    older: Older<'_>,
-    newer: Image<'_>,
-    interval: u32,
-    votes: &mut Votes,
-    probe: &mut impl Probe,
-) {
-    let summary = engine.vote(older, newer, &mut votes.fields, probe);
-    votes.valid = u32::from(summary.valid);
-    votes.columns = summary.columns as u32;
-    votes.rows = summary.rows as u32;
-    votes.passes = summary.passes;
-    (votes.shift_u, votes.shift_v) = summary.shift;
-    votes.cell_px = summary.cell_px;
-    votes.interval = interval;
-    votes.coherence = summary.coherence;
-    votes.coherence_sum = summary.coherence_sum;
-    (votes.background_u, votes.background_v) = summary.background;
 }
 
 fn image(frame: &FrameMessage) -> Result<Image<'_>, ImageError> {

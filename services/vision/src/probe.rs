@@ -1,5 +1,6 @@
 //! Times the parts of a step for the pure engine, which knows no clock.
 
+use pursuit_messages::Votes;
 use pursuit_motion::{Part, Probe};
 use pursuit_runtime::clock::monotonic_ns;
 
@@ -9,17 +10,22 @@ pub struct Stopwatch {
     pyramid_ns: u64,
     votes_ns: u64,
     compensation_ns: u64,
+    competition_ns: u64,
 }
 
 impl Stopwatch {
     /// Starts now.
     pub fn start() -> Stopwatch {
-        Stopwatch { last_ns: monotonic_ns(), pyramid_ns: 0, votes_ns: 0, compensation_ns: 0 }
+        let last_ns = monotonic_ns();
+        Stopwatch { last_ns, pyramid_ns: 0, votes_ns: 0, compensation_ns: 0, competition_ns: 0 }
     }
 
-    /// Pyramid, votes, compensation; ns.
-    pub fn parts(&self) -> (u64, u64, u64) {
-        (self.pyramid_ns, self.votes_ns, self.compensation_ns)
+    /// Notes the parts in the message.
+    pub fn write(&self, votes: &mut Votes) {
+        votes.pyramid_ns = self.pyramid_ns;
+        votes.votes_ns = self.votes_ns;
+        votes.compensation_ns = self.compensation_ns;
+        votes.competition_ns = self.competition_ns;
     }
 }
 
@@ -28,11 +34,11 @@ impl Probe for Stopwatch {
         let now = monotonic_ns();
         let spent = now - self.last_ns;
         self.last_ns = now;
-        match part {
-            Part::Pyramid => self.pyramid_ns += spent,
-            Part::Votes => self.votes_ns += spent,
-            Part::Compensation => self.compensation_ns += spent,
-            Part::Competition => self.votes_ns += spent,
-        }
+        *match part {
+            Part::Pyramid => &mut self.pyramid_ns,
+            Part::Votes => &mut self.votes_ns,
+            Part::Compensation => &mut self.compensation_ns,
+            Part::Competition => &mut self.competition_ns,
+        } += spent;
     }
 }

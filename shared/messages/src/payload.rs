@@ -14,13 +14,54 @@ pub const MAX_CYCLES: usize = 32;
 /// Room for the learner's weights.
 pub const MAX_WEIGHTS: usize = 192;
 
-/// The 12 vote fields of one frame pair after compensation, reduced to cells (topic VOTES).
+/// Candidates that vision tells of one pair at most.
+pub const MAX_CANDIDATES: usize = 4;
+/// Coefficients of the global motion.
+pub const MOTION_COEFFICIENTS: usize = 8;
+
+/// Something that moves on its own, as one pair of frames shows it (robust mode).
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("pursuit/Candidate/1")]
+pub struct Candidate {
+    /// Position in the newer frame, px.
+    pub u: f64,
+    /// As `u`, downward.
+    pub v: f64,
+    /// Displacement in the image over the pair, px.
+    pub vu: f64,
+    /// As `vu`, downward.
+    pub vv: f64,
+    /// Displacement relative to the background over the pair, px (right, down).
+    pub relative: [f64; 2],
+    /// Area, px².
+    pub area_px: f64,
+    /// Probability that it is a target, 0..1.
+    pub confidence: f64,
+    /// Covariance of the position: uu, uv, vv, px².
+    pub position_covariance: [f64; 3],
+    /// Standard deviation of the displacement in each direction, px.
+    pub velocity_sd: f64,
+    /// Largest evidence over its threshold.
+    pub evidence: f64,
+    /// Share of the residual that its motion explains, 0..1.
+    pub explained: f64,
+}
+
+/// The 12 vote fields of one frame pair after compensation, reduced to cells (topic VOTES); in robust mode
+/// normalised votes, -1..1, and what moves on its own.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/Votes/1")]
+#[type_name("pursuit/Votes/2")]
 pub struct Votes {
     /// 1 where a pair was there to vote on, 0 for the first frame after a start or a gap.
     pub valid: u32,
+    /// [`VisionMode`] as a number.
+    pub mode: u32,
+    /// Robust mode: [`PairOutcome`] as a number.
+    pub outcome: u32,
+    /// Candidates used of `candidates`.
+    pub candidate_count: u32,
     /// Cells per row.
     pub columns: u32,
     /// Rows of cells.
@@ -50,6 +91,14 @@ pub struct Votes {
     pub votes_ns: u64,
     /// Computing time of the compensation (estimate and shift), ns.
     pub compensation_ns: u64,
+    /// Computing time of the competition of motions (robust mode), ns.
+    pub competition_ns: u64,
+    /// Coefficients of the global motion (robust mode), px over the pair.
+    pub motion: [f64; MOTION_COEFFICIENTS],
+    /// Largest evidence over its threshold, also where there is no candidate (robust mode).
+    pub evidence: f64,
+    /// Robust mode: what moves on its own, strongest evidence first.
+    pub candidates: [Candidate; MAX_CANDIDATES],
     /// Field `k` (label `k+1` of the paper's figure 3), row by row, `columns * rows` cells used.
     pub fields: [[f32; MAX_CELLS]; FIELDS],
 }
@@ -58,6 +107,9 @@ impl Default for Votes {
     fn default() -> Votes {
         Votes {
             valid: 0,
+            mode: 0,
+            outcome: 0,
+            candidate_count: 0,
             columns: 0,
             rows: 0,
             passes: 0,
@@ -72,15 +124,53 @@ impl Default for Votes {
             pyramid_ns: 0,
             votes_ns: 0,
             compensation_ns: 0,
+            competition_ns: 0,
+            motion: [0.0; MOTION_COEFFICIENTS],
+            evidence: 0.0,
+            candidates: [Candidate::default(); MAX_CANDIDATES],
             fields: [[0.0; MAX_CELLS]; FIELDS],
         }
+    }
+}
+
+/// Which detector vision runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum VisionMode {
+    /// The paper's.
+    #[default]
+    Paper = 0,
+    /// Ours.
+    Robust = 1,
+}
+
+/// How far the robust detector came with a pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum PairOutcome {
+    /// There was no pair.
+    #[default]
+    NoPair = 0,
+    /// All the way.
+    Answered = 1,
+    /// Both frames are the same.
+    Frozen = 2,
+    /// Nothing in the frames that could be seen moving.
+    Featureless = 3,
+}
+
+impl PairOutcome {
+    /// The outcome with that number, if there is one.
+    pub fn from_number(number: u32) -> Option<PairOutcome> {
+        let all = [PairOutcome::NoPair, PairOutcome::Answered, PairOutcome::Frozen, PairOutcome::Featureless];
+        all.into_iter().find(|outcome| *outcome as u32 == number)
     }
 }
 
 /// What one detector says of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/Detection/1")]
+#[type_name("pursuit/Detection/2")]
 pub struct Detection {
     /// 1 where there is a target; all else is 0 where there is none.
     pub found: u32,
@@ -98,18 +188,44 @@ pub struct Detection {
     pub confidence: f64,
     /// Visible area, px².
     pub area_px: f64,
-    /// Contrast of the best blob (paper, section 2.3.2): not a probability.
+    /// Contrast of the best blob (paper, section 2.3.2): not a probability. In robust mode the evidence
+    /// over its threshold.
     pub contrast: f64,
+    /// Covariance of the position: uu, uv, vv, px²; 0 where it is not known (paper mode).
+    pub position_covariance: [f64; 3],
+    /// Standard deviation of the velocity in each direction, px/frame; 0 where it is not known.
+    pub velocity_sd: f64,
 }
 
-/// Segmentation's answer to one frame (topic TARGET). Both detectors always answer; who trains takes
-/// the blob, who tracks takes the motion.
+/// Where a track is in its life.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum TrackPhase {
+    /// There is no track that is sure enough.
+    #[default]
+    Lost = 0,
+    /// Seen, but it may be nothing.
+    Tentative = 1,
+    /// There, and seen in this frame.
+    Confirmed = 2,
+    /// There, and not seen in this frame.
+    Coasting = 3,
+}
+
+/// Segmentation's answer to one frame (topic TARGET). All detectors always answer; who trains takes the
+/// blob, who follows takes the motion of the single pair or the track over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/Target/1")]
+#[type_name("pursuit/Target/2")]
 pub struct Target {
-    /// What moves independently of the camera.
+    /// What moves independently of the camera, from this pair alone.
     pub motion: Detection,
+    /// The same with all evidence up to now (robust mode): found while a track is confirmed or coasting.
+    pub track: Detection,
+    /// [`TrackPhase`] as a number.
+    pub track_phase: u32,
+    /// Tells tracks apart; 0 where there is none.
+    pub track_id: u32,
     /// A static bright object, for training.
     pub blob: Detection,
     /// Velocity of the background, px/frame.

@@ -68,11 +68,11 @@ topic!(
 );
 topic!(
     /// Vote fields of a frame pair.
-    VoteFields, Votes, "votes/v1", kept(2, 6, 4, 4, 1)
+    VoteFields, Votes, "votes/v2", kept(2, 6, 4, 4, 1)
 );
 topic!(
     /// Detections of a frame.
-    Targets, Target, "target/v1", kept(2, 6, 16, 4, 1)
+    Targets, Target, "target/v2", kept(2, 6, 16, 4, 1)
 );
 topic!(
     /// Joint readings.

@@ -9,8 +9,6 @@
 //! have one weight (averaged over a block, the two kernels agree to 1 % of the peak, as a test says); and
 //! at the frame's border the repeated kernel loses a part of the votes at each stage, the spline does not.
 
-use std::fmt;
-
 use crate::pyramid::LEVELS;
 
 /// Room for the cells of one vote field.
@@ -36,44 +34,19 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// The grid of a frame of `width` x `height` px.
-    ///
-    /// # Errors
-    /// If the frame is so long that its cells exceed [`MAX_CELLS`].
-    pub(crate) fn new(width: usize, height: usize) -> Result<Grid, GridError> {
-        let shorter = width.min(height);
-        let columns = width * CELLS_ALONG_SHORTER_SIDE / shorter;
-        let rows = height * CELLS_ALONG_SHORTER_SIDE / shorter;
-        if columns * rows > MAX_CELLS {
-            return Err(GridError { width, height, cells: columns * rows });
-        }
-        Ok(Grid { columns, rows, cell_px: shorter as f64 / CELLS_ALONG_SHORTER_SIDE as f64 })
+    /// The grid of a frame of `width` x `height` px: 16 cells along the shorter side, fewer where the frame
+    /// is so long (beyond 4 : 1) that they would exceed [`MAX_CELLS`].
+    pub(crate) fn new(width: usize, height: usize) -> Grid {
+        let (shorter, longer) = (width.min(height), width.max(height));
+        let along = (1..=CELLS_ALONG_SHORTER_SIDE)
+            .rev()
+            .find(|along| along * (longer * along / shorter) <= MAX_CELLS)
+            .unwrap_or(1);
+        let columns = width * along / shorter;
+        let rows = height * along / shorter;
+        Grid { columns, rows, cell_px: shorter as f64 / along as f64 }
     }
 }
-
-/// A frame whose shape needs more cells than there is room for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GridError {
-    /// Columns of the frame, px.
-    pub width: usize,
-    /// Rows of the frame, px.
-    pub height: usize,
-    /// Cells it would need.
-    pub cells: usize,
-}
-
-impl fmt::Display for GridError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let GridError { width, height, cells } = self;
-        write!(
-            f,
-            "a frame of {width}x{height} px needs {cells} cells, there is room for {MAX_CELLS}; the longer \
-             side may be at most 4 times the shorter"
-        )
-    }
-}
-
-impl std::error::Error for GridError {}
 
 /// How one level is reduced to the grid.
 #[derive(Clone, Debug)]

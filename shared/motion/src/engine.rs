@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::cells::{Grid, GridError, LevelPlan, MAX_CELLS};
+use crate::cells::{Grid, LevelPlan, MAX_CELLS};
 use crate::compensation::{coherence, rounded_shift, total, translation, voting_region};
 use crate::image::{Image, MAX_SIDE, MIN_SIDE};
 use crate::parameters::{ParameterError, Parameters};
@@ -98,15 +98,14 @@ impl VoteEngine {
     /// An engine for frames of `width` x `height` px.
     ///
     /// # Errors
-    /// A side outside [`MIN_SIDE`]`..=`[`MAX_SIDE`], a shape with more than [`MAX_CELLS`] cells, or a
-    /// parameter outside its range.
+    /// A side outside [`MIN_SIDE`]`..=`[`MAX_SIDE`], or a parameter outside its range.
     pub fn new(width: usize, height: usize, parameters: &Parameters) -> Result<VoteEngine, EngineError> {
         let sides = MIN_SIDE..=MAX_SIDE;
         if !sides.contains(&width) || !sides.contains(&height) {
             return Err(EngineError::Size { width, height });
         }
         parameters.check()?;
-        let grid = Grid::new(width, height)?;
+        let grid = Grid::new(width, height);
         let pyramid = Pyramid::new(width, height, parameters.smoothing);
         let sizes = std::array::from_fn(|k| (pyramid.levels[k].width, pyramid.levels[k].height));
         let plans = LevelPlan::all(&grid, sizes);
@@ -241,8 +240,6 @@ pub enum EngineError {
         /// Rows, px.
         height: usize,
     },
-    /// Too many cells.
-    Grid(GridError),
     /// A parameter is outside its range.
     Parameter(ParameterError),
 }
@@ -253,19 +250,12 @@ impl fmt::Display for EngineError {
             EngineError::Size { width, height } => {
                 write!(f, "frames are {width}x{height} px; each side must be {MIN_SIDE} to {MAX_SIDE} px")
             }
-            EngineError::Grid(error) => error.fmt(f),
             EngineError::Parameter(error) => error.fmt(f),
         }
     }
 }
 
 impl std::error::Error for EngineError {}
-
-impl From<GridError> for EngineError {
-    fn from(error: GridError) -> EngineError {
-        EngineError::Grid(error)
-    }
-}
 
 impl From<ParameterError> for EngineError {
     fn from(error: ParameterError) -> EngineError {

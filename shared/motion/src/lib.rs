@@ -27,10 +27,11 @@ pub mod robust;
 mod segment;
 #[cfg(test)]
 mod tests;
+pub mod tracker;
 mod votes;
 
 pub use bright_blob::{BlobParameters, BlobScratch, detect_blob};
-pub use cells::{CELLS_ALONG_SHORTER_SIDE, GridError, MAX_CELLS};
+pub use cells::{CELLS_ALONG_SHORTER_SIDE, MAX_CELLS};
 pub use compensation::NOMINAL_VELOCITIES;
 pub use engine::{EngineError, FIELDS, Fields, NoProbe, Older, Part, Probe, VoteEngine, VoteSummary};
 pub use image::{Image, ImageError, MAX_SIDE, MIN_SIDE};
@@ -39,3 +40,4 @@ pub use robust::model::{GlobalMotion, MotionModel};
 pub use robust::parameters::{EvidenceParameters, RobustParameters};
 pub use robust::{Candidate, Findings, MAX_TARGETS, Outcome, RobustEngine};
 pub use segment::{Detection, NoTarget, SegmentScratch, Segmentation, segment};
+pub use tracker::{Track, TrackState, Tracker, TrackerParameters};

@@ -31,8 +31,9 @@ use search::{MAX_SHORTER, Search};
 use warp::{Span, warp};
 
 use crate::blobs::Flood;
+use crate::cells::MAX_CELLS;
 use crate::compensation::NOMINAL_VELOCITIES;
-use crate::engine::{EngineError, Older, Part, Probe};
+use crate::engine::{EngineError, Fields, Older, Part, Probe};
 use crate::image::{Image, MAX_SIDE, MIN_SIDE};
 use crate::parameters::Smoothing;
 use crate::pyramid::{LEVELS, Level, Pyramid, halve_level};
@@ -290,7 +291,9 @@ impl RobustEngine {
             let (older, newer, spans) = (&self.warped[k], &self.newer.levels[k], &self.spans[k]);
             let scale = residual_scale(older, newer, spans, &mut self.counts);
             let sums = moments(older, newer, spans, (k, &motion), scale);
-            let correction = sums.solve(self.parameters.model)?;
+            let current = motion.coefficients.map(|a| a / pixel);
+            let prior = motion.prior().map(|a| a / pixel);
+            let correction = sums.solve(self.parameters.model, current, prior, scale / 2.0)?;
             for (a, c) in motion.coefficients.iter_mut().zip(correction) {
                 *a -= c * pixel;
             }
@@ -350,12 +353,23 @@ impl RobustEngine {
             let area = self.grow_blob(index, cell);
             let candidate = self.measure_candidate(&findings.background, index, area);
             taken[turn] = area;
-            if let Some((candidate, extent)) = candidate {
-                let both = |i: usize| (area[i].0.min(extent[i].0), area[i].1.max(extent[i].1));
-                taken[turn] = [both(0), both(1)];
-                findings.candidates[findings.count] = self.judge(candidate, f64::from(z), &taken[turn]);
-                findings.count += 1;
+            let Some((candidate, extent)) = candidate else { continue };
+            // The outskirts of a target lead to it once more.
+            let known = |candidate: &Candidate| {
+                taken[..turn].iter().any(|area| {
+                    let inside = |(first, end): (i32, i32), x: f64| {
+                        f64::from(2 * first) <= x && x < f64::from(2 * end)
+                    };
+                    inside(area[0], candidate.u) && inside(area[1], candidate.v)
+                })
+            };
+            if known(&candidate) {
+                continue;
             }
+            let both = |i: usize| (area[i].0.min(extent[i].0), area[i].1.max(extent[i].1));
+            taken[turn] = [both(0), both(1)];
+            findings.candidates[findings.count] = self.judge(candidate, f64::from(z), &taken[turn]);
+            findings.count += 1;
         }
     }
 
@@ -536,14 +550,34 @@ impl RobustEngine {
         }
     }
 
-    /// The normalised votes of label `i` in the coarsest windows: cells per row, rows, values.
-    pub fn field(&self, i: usize) -> (usize, usize, impl Iterator<Item = f32>) {
-        self.evidence.coarse(i)
+    /// Writes the normalised votes in the coarsest windows as fields: cells per row, rows, and the side of a
+    /// cell, full-resolution px. All 0 where there was no answer.
+    pub fn fields(&self, findings: &Findings, fields: &mut Fields) -> (usize, usize, f64) {
+        let (columns, rows) = self.evidence.coarse_size();
+        let cell_px = (self.evidence.cell() << SCALES) as f64;
+        // A long frame may have more cells than there is room for: then several are one.
+        let block = (1..).find(|b| columns.div_ceil(*b) * rows.div_ceil(*b) <= MAX_CELLS).unwrap_or(1);
+        let (wide, high) = (columns.div_ceil(block), rows.div_ceil(block));
+        for (i, field) in fields.iter_mut().enumerate() {
+            field[..wide * high].fill(0.0);
+            if findings.outcome == Outcome::Answered {
+                for (cell, vote) in self.evidence.coarse(i).enumerate() {
+                    let (x, y) = (cell % columns / block, cell / columns / block);
+                    field[y * wide + x] += vote / (block * block) as f32;
+                }
+            }
+        }
+        (wide, high, cell_px * block as f64)
     }
 
-    /// Side of the cells of [`RobustEngine::field`], full-resolution px.
-    pub fn field_cell_px(&self) -> f64 {
-        (self.evidence.cell() << SCALES) as f64
+    /// Level `k` (0, 1, 2) of the newer frame of the last call: columns, rows, values from row to row, and
+    /// the values, in 1/16 grey level.
+    ///
+    /// # Panics
+    /// If there is no such level.
+    pub fn level(&self, k: usize) -> (usize, usize, usize, &[i16]) {
+        let level = &self.newer.levels[k];
+        (level.width, level.height, level.stride, &level.values)
     }
 }
 

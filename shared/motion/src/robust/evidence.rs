@@ -172,12 +172,17 @@ impl Evidence {
         std::array::from_fn(|i| cells.iter().map(|&cell| f64::from(votes[i][cell])).sum())
     }
 
-    /// The normalised votes of label `i` at the coarsest scale: columns, rows, cells.
-    pub(crate) fn coarse(&self, i: usize) -> (usize, usize, impl Iterator<Item = f32>) {
+    /// Cells per row and rows of the coarsest scale.
+    pub(crate) fn coarse_size(&self) -> (usize, usize) {
+        let sums = &self.sums[SCALES - 1];
+        (sums.columns, sums.rows)
+    }
+
+    /// The normalised votes of label `i` (from 0) at the coarsest scale, row by row.
+    pub(crate) fn coarse(&self, i: usize) -> impl Iterator<Item = f32> {
         let sums = &self.sums[SCALES - 1];
         let least = self.parameters.least_gradient;
-        let ratio = move |(vote, norm): (&f32, &f32)| vote / (norm + least);
-        (sums.columns, sums.rows, sums.votes[i].iter().zip(&sums.norms[i]).map(ratio))
+        sums.votes[i].iter().zip(&sums.norms[i]).map(move |(vote, norm)| vote / (norm + least))
     }
 
     /// Side of a cell of the finest scale, base px.

@@ -18,6 +18,8 @@ const SCALE_SIGMAS: f32 = 2.0;
 const SIGMA_PER_MEDIAN: f32 = 1.4826;
 /// Least scale of the residuals, 1/16 grey level: 0.3 grey levels, the rounding of the frame.
 const LEAST_SCALE: f32 = 0.3 * 16.0;
+/// Mean square of the gradient from which a block's say hardly grows, (1/16 grey level)^2.
+const AMPLE_GRADIENT: f64 = 2.0 * 2.0 * 256.0;
 /// Largest modulus of a residual that the histogram tells apart, 1/16 grey level.
 const BINS: usize = 1024;
 
@@ -96,9 +98,22 @@ impl Moments {
         (matrix, vector)
     }
 
-    /// The correction of the coefficients, level px; `None` where the image does not determine it.
-    pub(crate) fn solve(&self, model: MotionModel) -> Option<[f64; COEFFICIENTS]> {
-        let (matrix, vector) = self.normal_equations();
+    /// The correction of the coefficients `current` (both in px of the level), which are expected to be
+    /// about as large as `prior` says; `None` where the image does not determine them. `deviation` is that
+    /// of the residuals, 1/16 grey level.
+    pub(crate) fn solve(
+        &self,
+        model: MotionModel,
+        current: [f64; COEFFICIENTS],
+        prior: [f64; COEFFICIENTS],
+        deviation: f32,
+    ) -> Option<[f64; COEFFICIENTS]> {
+        let (mut matrix, mut vector) = self.normal_equations();
+        for i in 0..COEFFICIENTS {
+            let information = CORRELATED_PIXELS * f64::from(deviation).powi(2) / prior[i].powi(2);
+            matrix[(i, i)] += information;
+            vector[i] += information * current[i];
+        }
         let step = match model {
             MotionModel::Translation => solve_in(matrix, vector, &TRANSLATION),
             MotionModel::Similarity => solve_in(matrix, vector, &SIMILARITY),
@@ -108,6 +123,9 @@ impl Moments {
         step.iter().all(|a| a.is_finite()).then(|| step.into())
     }
 }
+
+/// So many pixels say together what one independent pixel would: residuals of neighbours are alike.
+const CORRELATED_PIXELS: f64 = 100.0;
 
 /// Directions in the space of coefficients that a model may move along, as rows.
 const TRANSLATION: [[f64; 8]; 2] = [unit(0), unit(3)];
@@ -240,7 +258,11 @@ pub(crate) fn moments(
                 (x as f64 + (BLOCK_WIDTH as f64 - 1.0) / 2.0) * pixel,
                 ((top + bottom) as f64 - 1.0) / 2.0 * pixel,
             ];
-            moments.add(motion.normalised(centre[0], centre[1]), sums);
+            // A block's say grows with its texture only up to a point: area decides what the background
+            // is, not contrast.
+            let energy = (sums[0] + sums[2]) / (BLOCK_WIDTH * BLOCK_HEIGHT) as f64;
+            let say = 1.0 / (1.0 + energy / AMPLE_GRADIENT);
+            moments.add(motion.normalised(centre[0], centre[1]), sums.map(|sum| say * sum));
         }
     }
     moments

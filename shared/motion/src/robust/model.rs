@@ -58,6 +58,16 @@ impl GlobalMotion {
         (x, y)
     }
 
+    /// How large the coefficients may be expected to be, px: any translation; turns and zooms of some
+    /// per cent; little bending.
+    pub(crate) fn prior(&self) -> [f64; COEFFICIENTS] {
+        const LINEAR: f64 = 0.15;
+        const QUADRATIC: f64 = 0.01;
+        let (shift, linear, bend) =
+            (self.half_length, LINEAR * self.half_length, QUADRATIC * self.half_length);
+        [shift, linear, linear, shift, linear, linear, bend, bend]
+    }
+
     /// Whether all coefficients are numbers.
     pub fn is_finite(&self) -> bool {
         self.coefficients.iter().all(|a| a.is_finite())

@@ -20,7 +20,7 @@ fn interior_sums(older: &Level, newer: &Level, margin: usize) -> LevelSums {
     };
     let (older, newer) = (&crop(older), &crop(newer));
     let region = Region { columns: (0, newer.width - 1), rows: (0, newer.height - 1) };
-    let grid = cells::Grid::new(2 * newer.width, 2 * newer.height).unwrap();
+    let grid = cells::Grid::new(2 * newer.width, 2 * newer.height);
     let plan = &cells::LevelPlan::all(&grid, [(newer.width, newer.height); LEVELS])[0];
     let mut scratch = SweepScratch::new(newer.width, grid.rows);
     let mut fields = vec![[0.0; MAX_CELLS]; DIRECTIONS];

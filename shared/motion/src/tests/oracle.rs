@@ -106,7 +106,7 @@ pub(crate) fn real_coherence(older: &Picture, newer: &Picture) -> [f64; FIELDS] 
 pub(crate) fn fields(older: &Picture, newer: &Picture, shift: (i32, i32), field: usize) -> Vec<f64> {
     let (k, direction) = (field / 4, field % 4);
     let (a, b) = (&pyramid(older, shift)[k], &pyramid(newer, (0, 0))[k]);
-    let grid = Grid::new(newer.width, newer.height).unwrap();
+    let grid = Grid::new(newer.width, newer.height);
     let cell = grid.cell_px / f64::from(2 << k);
     let block = ((cell / 4.0) as usize).clamp(1, 4);
     let region = compensation::voting_region(shift, Smoothing::Binomial, k, (a.width, a.height));

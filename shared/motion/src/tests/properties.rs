@@ -10,7 +10,7 @@ use crate::votes::{DIRECTIONS, LevelSums, Region, SweepScratch, sweep};
 /// Sums of votes of a whole pair of levels, and its fields of cells.
 fn vote_levels(older: &Level, newer: &Level) -> (LevelSums, Vec<[f32; MAX_CELLS]>) {
     let (width, height) = (newer.width, newer.height);
-    let grid = Grid::new(2 * width, 2 * height).unwrap();
+    let grid = Grid::new(2 * width, 2 * height);
     let plan = &LevelPlan::all(&grid, [(width, height); LEVELS])[0];
     let mut scratch = SweepScratch::new(width, grid.rows);
     let mut fields = vec![[0.0; MAX_CELLS]; DIRECTIONS];

@@ -16,6 +16,9 @@ const SHARE_OF_SIZE: f64 = 0.5;
 /// ... and this share of the frame's side from its centroid.
 const SHARE_OF_SIDE: f64 = 0.02;
 
+/// Who says where an unseen target is, is right up to this share of the frame's side.
+const SHARE_KNOWN: f64 = 0.06;
+
 /// What a detector says of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Answer {
@@ -50,10 +53,10 @@ pub fn judge(truth: &Truth, answer: Option<Answer>, size: usize) -> Option<Verdi
     let speed = length(truth.relative_velocity);
     let side = size as f64;
     let Some(position) = truth.position else {
-        return (truth.area_px < LEAST_AREA_PX).then_some(empty(answer));
+        return (truth.area_px < LEAST_AREA_PX).then(|| empty(truth, answer, side)).flatten();
     };
     if speed < RESTING_PX {
-        return Some(empty(answer));
+        return empty(truth, answer, side);
     }
     let inside = position.iter().all(|&p| p > BORDER * side && p < (1.0 - BORDER) * side);
     if !inside || speed <= MOVING_PX {
@@ -69,8 +72,12 @@ pub fn judge(truth: &Truth, answer: Option<Answer>, size: usize) -> Option<Verdi
     }
 }
 
-fn empty(answer: Option<Answer>) -> Verdict {
-    if answer.is_some() { Verdict::FalseAlarm } else { Verdict::Quiet }
+/// Of a frame in which no moving target can be seen. To know still where one is that rests or is hidden is
+/// neither right nor wrong.
+fn empty(truth: &Truth, answer: Option<Answer>, side: f64) -> Option<Verdict> {
+    let Some(Answer { u, v, .. }) = answer else { return Some(Verdict::Quiet) };
+    let near = |centre: [f64; 2]| length([u - centre[0], v - centre[1]]) <= SHARE_KNOWN * side;
+    if truth.centre.is_some_and(near) { None } else { Some(Verdict::FalseAlarm) }
 }
 
 fn length([x, y]: [f64; 2]) -> f64 {

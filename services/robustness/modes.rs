@@ -2,7 +2,7 @@
 
 use pursuit_motion::{
     EngineError, FIELDS, Fields, Image, MAX_CELLS, NoProbe, Older, Parameters, RobustEngine,
-    RobustParameters, SegmentScratch, VoteEngine, segment,
+    RobustParameters, SegmentScratch, Tracker, TrackerParameters, VoteEngine, segment,
 };
 
 use super::judge::Answer;
@@ -24,6 +24,8 @@ pub enum Kind {
     Paper(Parameters),
     /// The robust method.
     Robust(RobustParameters, Cut),
+    /// The robust method with evidence gathered over time: a track is the answer.
+    Tracked(RobustParameters, TrackerParameters),
 }
 
 /// From when on a candidate of the robust detector is an answer.
@@ -48,6 +50,10 @@ pub fn all() -> Vec<Mode> {
         Mode { name: "paper literal", kind: Kind::Paper(Parameters::literal()) },
         Mode { name: "paper", kind: Kind::Paper(Parameters::default()) },
         Mode { name: "robust", kind: robust },
+        Mode {
+            name: "robust+tracker",
+            kind: Kind::Tracked(RobustParameters::default(), TrackerParameters::default()),
+        },
     ]
 }
 
@@ -67,6 +73,10 @@ impl Mode {
             Kind::Robust(parameters, cut) => {
                 Box::new(RobustEye { engine: RobustEngine::new(size, size, parameters)?, cut: *cut })
             }
+            Kind::Tracked(parameters, tracker) => Box::new(TrackedEye {
+                engine: RobustEngine::new(size, size, parameters)?,
+                tracker: Tracker::new(tracker),
+            }),
         })
     }
 }
@@ -102,5 +112,20 @@ impl Eye for RobustEye {
                 .filter(|candidate| candidate.evidence > least),
         }?;
         Some(Answer { u: target.u, v: target.v, vu: target.vu, vv: target.vv })
+    }
+}
+
+struct TrackedEye {
+    engine: RobustEngine,
+    tracker: Tracker,
+}
+
+impl Eye for TrackedEye {
+    fn step(&mut self, older: Older<'_>, newer: Image<'_>) -> Option<Answer> {
+        let findings = self.engine.detect(older, newer, &mut NoProbe);
+        self.tracker.step(&findings, 1);
+        let track = self.tracker.target()?;
+        let [u, v, ..] = track.mean;
+        Some(Answer { u, v, vu: track.velocity[0], vv: track.velocity[1] })
     }
 }

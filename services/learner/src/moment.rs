@@ -1,7 +1,7 @@
 //! One frame as the learner sees it: checked, and in its own coordinates.
 
 use pursuit_learning::{Normalisation, View};
-use pursuit_messages::{Detection, ImageShape, Target};
+use pursuit_messages::{Detection, ImageShape, Target, TrackPhase};
 
 /// Everything that is known about one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,10 +63,17 @@ impl Moment {
                 view: View { point_px, joints: input.joints },
                 whole: is_whole(point_px, blob.area_px, half),
             }),
-            motion_px: centred(&input.target.motion),
+            motion_px: centred(moving(&input.target)),
             normalisation: Normalisation { half_width_px: half[0] },
         })
     }
+}
+
+/// What moves independently: as this pair shows it, or, where that is not sure enough alone, as the track
+/// that was seen in it does. A track that coasts is a guess, and a guess must not move the arm.
+fn moving(target: &Target) -> &Detection {
+    let seen = target.track_phase == TrackPhase::Confirmed as u32;
+    if target.motion.found == 0 && seen { &target.track } else { &target.motion }
 }
 
 /// Whether a disc of that area around that point lies inside the image, with a pixel to spare.
@@ -89,6 +96,18 @@ mod tests {
             joints: [0.0, 0.6],
             velocities: [0.0; 2],
         }
+    }
+
+    #[test]
+    fn a_track_stands_in_for_a_pair_that_is_not_sure_enough_but_a_guess_does_not() {
+        let mut input = input(0.0, 0.0);
+        input.target.track = Detection { found: 1, u: 265.5, v: 255.5, ..Detection::default() };
+        input.target.track_phase = TrackPhase::Coasting as u32;
+        assert_eq!(Moment::of(&input).unwrap().motion_px, None);
+        input.target.track_phase = TrackPhase::Confirmed as u32;
+        assert_eq!(Moment::of(&input).unwrap().motion_px, Some([10.0, 0.0]));
+        input.target.motion = Detection { found: 1, u: 258.5, v: 255.5, ..Detection::default() };
+        assert_eq!(Moment::of(&input).unwrap().motion_px, Some([3.0, 0.0]), "the pair comes first");
     }
 
     #[test]

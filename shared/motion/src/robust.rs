@@ -9,16 +9,16 @@
 //!               target, velocity, covariance ◄─ competition of motions ◄─ blobs over the threshold
 //! ```
 
-mod competition;
-mod confidence;
-mod evidence;
-mod fit;
-mod gain;
+pub(crate) mod competition;
+pub(crate) mod confidence;
+pub(crate) mod evidence;
+pub(crate) mod fit;
+pub(crate) mod gain;
 pub mod model;
 pub mod parameters;
-mod patch;
-mod search;
-mod warp;
+pub(crate) mod patch;
+pub(crate) mod search;
+pub(crate) mod warp;
 
 use competition::{Competition, LevelPair, MAX_CANDIDATES, MAX_PATCH, Winner};
 use evidence::{Evidence, Map};
@@ -47,6 +47,11 @@ const STEPS: [usize; LEVELS] = [1, 3, 4];
 
 /// Blobs up to this, level px, are looked at closely.
 const SMALL: i32 = 16;
+
+/// A mask that explains less than this is noise, and its patch does not grow.
+const WORTH_GROWING: f32 = 0.3;
+/// Evidence below this share of the strongest is not looked at.
+const LEAST_OF_BEST: f64 = 0.35;
 
 /// Something that moves on its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -284,7 +289,8 @@ impl RobustEngine {
         let steps = STEPS[k].max(if k == self.coarsest { STEPS[LEVELS - 1] } else { 0 });
         let pixel = f64::from(2u32 << k);
         for step in 0..steps {
-            if step % 2 == 0 {
+            // While the fit is coarse, what is light and what is motion must be told apart again.
+            if step == 0 || (step == 2 && k == self.coarsest) {
                 self.measure_gain(&motion);
             }
             self.warp_level(&motion, k, true);
@@ -319,7 +325,7 @@ impl RobustEngine {
     }
 
     fn warp_level(&mut self, motion: &GlobalMotion, k: usize, light: bool) {
-        let gain = (light && self.parameters.light).then_some(&mut self.gain);
+        let gain = (&mut self.gain, light && self.parameters.light);
         warp(&self.older.levels[k], motion, gain, k, &mut self.warped[k], &mut self.spans[k]);
     }
 
@@ -347,7 +353,7 @@ impl RobustEngine {
             if turn == 0 {
                 findings.evidence = f64::from(z);
             }
-            if z < self.parameters.cut {
+            if z < self.parameters.cut || f64::from(z) < LEAST_OF_BEST * findings.evidence {
                 return;
             }
             let area = self.grow_blob(index, cell);
@@ -366,7 +372,15 @@ impl RobustEngine {
             if known(&candidate) {
                 continue;
             }
-            let both = |i: usize| (area[i].0.min(extent[i].0), area[i].1.max(extent[i].1));
+            // The blob, the target, and what the target has uncovered; the place itself, which in noise may
+            // lie outside of all of them, so that nothing is told twice.
+            let both = |i: usize| {
+                let back = (-candidate.relative[i] / 2.0).round() as i32;
+                let (first, end) = extent[i];
+                let place = ([candidate.u, candidate.v][i] / 2.0).floor() as i32;
+                let first = area[i].0.min(first).min(first + back).min(place - 1);
+                (first, area[i].1.max(end).max(end + back).max(place + 2))
+            };
             taken[turn] = [both(0), both(1)];
             findings.candidates[findings.count] = self.judge(candidate, f64::from(z), &taken[turn]);
             findings.count += 1;
@@ -437,28 +451,22 @@ impl RobustEngine {
             let (k, place) = self.place(&area)?;
             let pixel = f32::from(2u16 << k);
             let mut tried = [[0f32; 2]; MAX_CANDIDATES];
-            let motions = match &winner {
-                // A patch that grew: the motion is known.
-                Some((winner, level)) => {
-                    let ratio = f32::from(2u16 << level) / pixel;
-                    tried[0] = winner.motion.map(|u| u * ratio);
-                    &tried[..1]
-                }
-                None => {
-                    for (t, u) in tried.iter_mut().zip(&candidates[..count]) {
-                        *t = u.map(|u| u / pixel);
-                    }
-                    &tried[..count]
-                }
-            };
+            for (t, u) in tried.iter_mut().zip(&candidates[..count]) {
+                *t = u.map(|u| u / pixel);
+            }
+            // Of a patch that grew the motion is known.
+            let known = winner.map(|(winner, level)| winner.motion.map(|u| u * f32::from(2u16 << level) / pixel));
             let pair =
                 LevelPair { older: &self.warped[k], newer: &self.newer.levels[k], spans: &self.spans[k] };
             let longer = area.iter().map(|(first, end)| (end - first) >> k).max().unwrap_or(0);
             let how = (self.parameters.symmetric, longer <= SMALL);
-            let Some(found) = self.competition.decide(pair, place, motions, how) else {
+            let Some(found) = self.competition.decide(pair, place, (&tried[..count], known), how) else {
                 break;
             };
             winner = Some((found, k));
+            if found.explained < WORTH_GROWING {
+                break;
+            }
             let Some(larger) = self.outgrown(&found, place, k) else { break };
             area = larger;
         }

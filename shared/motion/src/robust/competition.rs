@@ -1,7 +1,7 @@
 //! The target-motion competition: which motion explains the blob better than the background's does, and
 //! which pixels it explains (design notes on vision, section 6 R8, R9).
 
-use super::patch::{Lines, Place, RUN, advantage, blur, least_squares, shifted, sum_positive, valid};
+use super::patch::{Lines, Place, RUN, advantage, blur, least_squares, score, shifted, valid};
 use super::warp::Span;
 use crate::blobs::Flood;
 use crate::pyramid::Level;
@@ -9,7 +9,7 @@ use crate::pyramid::Level;
 /// Motions that are tried at most.
 pub(crate) const MAX_CANDIDATES: usize = 48;
 /// Longest side of a patch, px of its level; larger blobs are looked at on a coarser level.
-pub(crate) const MAX_PATCH: usize = 160;
+pub(crate) const MAX_PATCH: usize = 128;
 /// Slower than this, level px, a motion cannot be told from the background's.
 const LEAST_SPEED: f32 = 0.2;
 /// Pixels where the target's motion explains this much more than the background's, of what both leave.
@@ -86,12 +86,12 @@ impl Competition {
     }
 
     /// The motion among `candidates` (level px) and around them that explains the most inside `place`, and
-    /// what it covers; `None` where none explains anything.
+    /// what it covers; `None` where none explains anything. A `known` motion has no rivals.
     pub(crate) fn decide(
         &mut self,
         pair: LevelPair<'_>,
         place: Place,
-        candidates: &[[f32; 2]],
+        (candidates, known): (&[[f32; 2]], Option<[f32; 2]>),
         (symmetric, small): (bool, bool),
     ) -> Option<Winner> {
         let n = place.pixels();
@@ -102,7 +102,10 @@ impl Competition {
             *r = (b - a).abs();
         }
         self.clear_invalid(pair.spans, place);
-        let motion = self.best_motion(pair, place, candidates)?;
+        let motion = match known {
+            Some(motion) => motion,
+            None => self.best_motion(pair, place, candidates)?,
+        };
         self.measure(pair, place, motion, symmetric)
     }
 
@@ -117,13 +120,8 @@ impl Competition {
 
     /// How much of the residual goes when the patch moves by `u`.
     fn score(&mut self, pair: LevelPair<'_>, place: Place, u: [f32; 2]) -> f32 {
-        const BOX: [f32; 3] = [0.2; 3];
         let n = place.pixels();
-        shifted(pair.older, place, u, &mut self.trial, &mut self.lines);
-        let greys = (&self.rest[..n], &self.trial[..n], &self.newer[..n]);
-        advantage(greys, (pair.spans, place, u), &mut self.better);
-        blur(&self.better, place, &BOX, &mut self.blurred, &mut self.lines);
-        sum_positive(&self.blurred[..n])
+        score(pair.older, (pair.spans, place, u), (&self.rest[..n], &self.newer[..n]), &mut self.lines)
     }
 
     fn best_motion(

@@ -192,7 +192,7 @@ impl Evidence {
 }
 
 /// The value that a share of the cells does not exceed.
-fn quantile(values: &[f32], share: f32, counts: &mut [u32]) -> f32 {
+pub(crate) fn quantile(values: &[f32], share: f32, counts: &mut [u32]) -> f32 {
     counts.fill(0);
     for &value in values {
         counts[((value * BINS_PER_UNIT) as usize).min(BINS - 1)] += 1;

@@ -20,12 +20,14 @@ const SIGMA_PER_MEDIAN: f32 = 1.4826;
 const LEAST_SCALE: f32 = 0.3 * 16.0;
 /// Mean square of the gradient from which a block's say hardly grows, (1/16 grey level)^2.
 const AMPLE_GRADIENT: f64 = 2.0 * 2.0 * 256.0;
+/// Pixels whose residuals are looked at for their scale, about.
+const SAMPLE: usize = 1024;
 /// Largest modulus of a residual that the histogram tells apart, 1/16 grey level.
 const BINS: usize = 1024;
 
 /// Sums over a level that make up the normal equations: of the weighted gradient products and of
 /// gradient times residual, times the monomials of the position up to degree 4 (2).
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Moments {
     xx: [f64; 15],
     xy: [f64; 15],
@@ -35,14 +37,16 @@ pub(crate) struct Moments {
 }
 
 /// Place of `x^i y^j` among the monomials.
-const fn monomial((i, j): (usize, usize)) -> usize {
+const fn monomial((i, j): Powers) -> usize {
     let degree = i + j;
     degree * (degree + 1) / 2 + j
 }
 
+/// Powers of x and y.
+type Powers = (usize, usize);
 /// The monomials of u and v that each coefficient multiplies.
 #[rustfmt::skip]
-const BASIS: [(Option<(usize, usize)>, Option<(usize, usize)>); COEFFICIENTS] = [
+const BASIS: [(Option<Powers>, Option<Powers>); COEFFICIENTS] = [
     (Some((0, 0)), None), (Some((1, 0)), None), (Some((0, 1)), None),
     (None, Some((0, 0))), (None, Some((1, 0))), (None, Some((0, 1))),
     (Some((2, 0)), Some((1, 1))), (Some((1, 1)), Some((0, 2))),
@@ -80,7 +84,7 @@ impl Moments {
     }
 
     fn normal_equations(&self) -> (SMatrix<f64, 8, 8>, SVector<f64, 8>) {
-        let product = |moments: &[f64; 15], a: Option<(usize, usize)>, b: Option<(usize, usize)>| {
+        let product = |moments: &[f64; 15], a: Option<Powers>, b: Option<Powers>| {
             let (Some(a), Some(b)) = (a, b) else { return 0.0 };
             moments[monomial((a.0 + b.0, a.1 + b.1))]
         };
@@ -156,67 +160,28 @@ fn solve_in<const N: usize>(
         inner[(i, i)] += ridge;
     }
     let rest = directions * vector;
-    let lower = Cholesky::<N>::new(inner)?;
-    Some(directions.transpose() * lower.solve(rest))
-}
-
-/// Cholesky factor of a small positive definite matrix.
-struct Cholesky<const N: usize>(SMatrix<f64, N, N>);
-
-impl<const N: usize> Cholesky<N> {
-    fn new(mut a: SMatrix<f64, N, N>) -> Option<Cholesky<N>> {
-        for j in 0..N {
-            for i in j..N {
-                let rest = a[(i, j)] - (0..j).map(|k| a[(i, k)] * a[(j, k)]).sum::<f64>();
-                if i == j {
-                    if rest.is_nan() || rest <= 0.0 {
-                        return None;
-                    }
-                    a[(j, j)] = rest.sqrt();
-                } else {
-                    a[(i, j)] = rest / a[(j, j)];
-                }
-            }
-        }
-        Some(Cholesky(a))
-    }
-
-    fn solve(&self, mut x: SVector<f64, N>) -> SVector<f64, N> {
-        for i in 0..N {
-            x[i] = (x[i] - (0..i).map(|k| self.0[(i, k)] * x[k]).sum::<f64>()) / self.0[(i, i)];
-        }
-        for i in (0..N).rev() {
-            x[i] = (x[i] - (i + 1..N).map(|k| self.0[(k, i)] * x[k]).sum::<f64>()) / self.0[(i, i)];
-        }
-        x
-    }
+    Some(directions.transpose() * inner.cholesky()?.solve(&rest))
 }
 
 /// Robust scale of the residuals of a level, 1/16 grey level, from a sample of its pixels: of those with
 /// more gradient than the mean, so that large flat parts do not make the textured ones outliers.
 pub(crate) fn residual_scale(older: &Level, newer: &Level, spans: &[Span], counts: &mut Histogram) -> f32 {
-    let step = if newer.height >= 128 { 4 } else { 2 };
-    let rows = || (BORDER..newer.height - BORDER).step_by(step);
-    let columns = |y: usize| (spans[y].0.max(BORDER)..spans[y].1.min(newer.width - BORDER)).step_by(step);
-    let gradient = |x: usize, y: usize| {
-        let at = y * newer.stride + x;
-        let v = &newer.values;
-        u32::from(v[at + 1].abs_diff(v[at - 1]))
-            + u32::from(v[at + newer.stride].abs_diff(v[at - newer.stride]))
-    };
+    // Some thousand pixels are enough.
+    let step = ((newer.width * newer.height / SAMPLE).isqrt()).max(1);
+    let rows = (BORDER..newer.height - BORDER).step_by(step);
     let (mut sum, mut total) = (0, 0);
-    for y in rows() {
-        for x in columns(y) {
-            sum += gradient(x, y);
+    for y in rows.clone() {
+        for x in (spans[y].0.max(BORDER)..spans[y].1.min(newer.width - BORDER)).step_by(step) {
+            sum += gradient(newer, x, y);
             total += 1;
         }
     }
     let mean = sum / u32::max(total, 1);
     counts.fill(0);
     let mut chosen = 0;
-    for y in rows() {
-        for x in columns(y) {
-            if gradient(x, y) >= mean {
+    for y in rows {
+        for x in (spans[y].0.max(BORDER)..spans[y].1.min(newer.width - BORDER)).step_by(step) {
+            if gradient(newer, x, y) >= mean {
                 let r = older.values[y * older.stride + x].abs_diff(newer.values[y * newer.stride + x]);
                 counts[usize::from(r).min(BINS - 1)] += 1;
                 chosen += 1;
@@ -231,6 +196,14 @@ pub(crate) fn residual_scale(older: &Level, newer: &Level, spans: &[Span], count
     SCALE_SIGMAS * SIGMA_PER_MEDIAN * median.unwrap_or(0) as f32 + LEAST_SCALE
 }
 
+/// Sum of the moduli of the gradient's components at a pixel, half grey levels times 16.
+#[inline(always)]
+fn gradient(level: &Level, x: usize, y: usize) -> u32 {
+    let (at, v) = (y * level.stride + x, &level.values);
+    u32::from(v[at + 1].abs_diff(v[at - 1]))
+        + u32::from(v[at + level.stride].abs_diff(v[at - level.stride]))
+}
+
 pub(crate) type Histogram = [u32; BINS];
 
 pub(crate) fn histogram() -> Box<Histogram> {
@@ -241,6 +214,17 @@ pub(crate) fn histogram() -> Box<Histogram> {
 /// gradients by central differences of the mean of both frames. Places are the model's coordinates.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(crate) fn moments(
+    older: &Level,
+    newer: &Level,
+    spans: &[Span],
+    level: (usize, &GlobalMotion),
+    scale: f32,
+) -> Moments {
+    moments_body(older, newer, spans, level, scale)
+}
+
+#[inline(always)]
+pub(crate) fn moments_body(
     older: &Level,
     newer: &Level,
     spans: &[Span],
@@ -281,8 +265,9 @@ fn block(
     let end = newer.width - BORDER;
     for y in top..bottom {
         // The gradient takes the pixel on each side as well, and the rows above and below.
-        let from = (y - 1..=y + 1).map(|y| spans[y].0).max().unwrap_or(0) + 1;
-        let to = (y - 1..=y + 1).map(|y| spans[y].1).min().unwrap_or(0).saturating_sub(1);
+        let (above, here, below) = (spans[y - 1], spans[y], spans[y + 1]);
+        let from = above.0.max(here.0).max(below.0) + 1;
+        let to = above.1.min(here.1).min(below.1).saturating_sub(1);
         let from = from.max(BORDER) as i32 - x as i32;
         let to = to.min(end) as i32 - x as i32;
         if from >= to {
@@ -331,8 +316,7 @@ fn fold(lanes: [f32; BLOCK_WIDTH]) -> f32 {
 pub(crate) fn mean_residual(older: &Level, newer: &Level, spans: &[Span]) -> f64 {
     const MOST: u16 = 20 * 16;
     let (mut sum, mut count) = (0u64, 0u64);
-    for y in 0..newer.height {
-        let (from, to) = spans[y];
+    for (y, &(from, to)) in spans[..newer.height].iter().enumerate() {
         let (a, b) =
             (&older.values[y * older.stride..][from..to], &newer.values[y * newer.stride..][from..to]);
         sum += a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(*b).min(MOST))).sum::<u32>() as u64;

@@ -1,5 +1,7 @@
 //! The local gain: light that changes from frame to frame, differently across the image.
 
+use multiversion::multiversion;
+
 use crate::pyramid::{LANES, Level};
 
 /// The ratio of the local means of the newer and the compensated older frame (design notes on vision,
@@ -10,10 +12,13 @@ pub(crate) struct Gain {
     height: usize,
     radius: usize,
     factors: Vec<f32>,
-    /// Column sums of the window in work: older, newer, count.
-    columns: [Vec<i32>; 3],
+    /// Sums of the window's rows in each column: older, newer; a window of all of a level of 512 px fits.
+    columns: [Vec<i32>; 2],
+    /// Sums of those from the left.
+    prefixes: [Vec<i32>; 2],
     blended: Vec<f32>,
     line: Vec<f32>,
+    ones: Vec<f32>,
 }
 
 /// Added to both means, in 1/16 grey level: black stays black.
@@ -32,53 +37,21 @@ impl Gain {
             radius: (window / 2.0) as usize,
             factors: vec![1.0; width * height],
             columns: std::array::from_fn(|_| vec![0; width]),
+            prefixes: std::array::from_fn(|_| vec![0; width + 1]),
             blended: vec![1.0; width + 1],
             line: vec![1.0; padded],
+            ones: vec![1.0; padded],
         }
     }
 
     /// Measures it: `older` is level 3 of the older frame warped with no gain, valid in `spans`.
     pub(crate) fn measure(&mut self, older: &Level, newer: &Level, spans: &[(usize, usize)]) {
-        let (w, h, r) = (self.width, self.height, self.radius);
-        self.columns.iter_mut().for_each(|column| column.fill(0));
-        let add = |columns: &mut [Vec<i32>; 3], y: usize, sign: i32| {
-            let (from, to) = spans[y];
-            let (a, b) = (&older.values[y * older.stride..][..w], &newer.values[y * newer.stride..][..w]);
-            for x in from..to {
-                columns[0][x] += sign * (i32::from(a[x]) + DARK);
-                columns[1][x] += sign * (i32::from(b[x]) + DARK);
-                columns[2][x] += sign;
-            }
-        };
-        for y in 0..r.min(h) {
-            add(&mut self.columns, y, 1);
-        }
-        for y in 0..h {
-            if y + r < h {
-                add(&mut self.columns, y + r, 1);
-            }
-            if y > r {
-                add(&mut self.columns, y - r - 1, -1);
-            }
-            let (mut a, mut b, mut n) = (0i64, 0i64, 0i64);
-            let step = |a: &mut i64, b: &mut i64, n: &mut i64, x: usize, sign: i64| {
-                *a += sign * i64::from(self.columns[0][x]);
-                *b += sign * i64::from(self.columns[1][x]);
-                *n += sign * i64::from(self.columns[2][x]);
-            };
-            for x in 0..r.min(w) {
-                step(&mut a, &mut b, &mut n, x, 1);
-            }
-            for x in 0..w {
-                if x + r < w {
-                    step(&mut a, &mut b, &mut n, x + r, 1);
-                }
-                if x > r {
-                    step(&mut a, &mut b, &mut n, x - r - 1, -1);
-                }
-                self.factors[y * w + x] = if n > 0 && a > 0 { b as f32 / a as f32 } else { 1.0 };
-            }
-        }
+        measure(self, older, newer, spans);
+    }
+
+    /// Factors that change nothing, for a row.
+    pub(crate) fn none(&self) -> &[f32] {
+        &self.ones
     }
 
     /// The factors along row `y` of level `k` (from 0), at least as many as the level is wide.
@@ -99,6 +72,83 @@ impl Gain {
             _ => stretch::<1>(&self.blended, &mut self.line),
         }
         &self.line
+    }
+}
+
+/// Box means by sums over columns and, along them, prefix sums.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn measure(gain: &mut Gain, older: &Level, newer: &Level, spans: &[(usize, usize)]) {
+    let (w, h, r) = (gain.width, gain.height, gain.radius);
+    let Gain { columns: [a, b], prefixes: [pa, pb], factors, .. } = gain;
+    a.fill(0);
+    b.fill(0);
+    for (y, &span) in spans[..r.min(h)].iter().enumerate() {
+        add_row(a, older, y, span, 1);
+        add_row(b, newer, y, span, 1);
+    }
+    for y in 0..h {
+        if y + r < h {
+            add_row(a, older, y + r, spans[y + r], 1);
+            add_row(b, newer, y + r, spans[y + r], 1);
+        }
+        if y > r {
+            add_row(a, older, y - r - 1, spans[y - r - 1], -1);
+            add_row(b, newer, y - r - 1, spans[y - r - 1], -1);
+        }
+        sum_along(a, pa);
+        sum_along(b, pb);
+        let row = &mut factors[y * w..][..w];
+        for (x, factor) in row.iter_mut().enumerate() {
+            let (first, end) = (x.saturating_sub(r), (x + r + 1).min(w));
+            let (a, b) = ((pa[end] - pa[first]) as f32, (pb[end] - pb[first]) as f32);
+            *factor = if a > 0.0 { b / a } else { 0.0 };
+        }
+    }
+    extend(factors, w);
+}
+
+/// Where the window holds no valid pixel (0), the gain is that of the nearest place in the row, else in the
+/// column, whose window does: finer levels are valid nearer to the border.
+#[inline(always)]
+fn extend(factors: &mut [f32], width: usize) {
+    for row in factors.chunks_exact_mut(width) {
+        let (Some(first), Some(last)) =
+            (row.iter().position(|&f| f > 0.0), row.iter().rposition(|&f| f > 0.0))
+        else {
+            continue;
+        };
+        let (left, right) = (row[first], row[last]);
+        row[..first].fill(left);
+        row[last + 1..].fill(right);
+    }
+    let empty = |row: &[f32]| row[0] <= 0.0;
+    let rows = factors.len() / width;
+    let seen = |y: &usize| !empty(&factors[y * width..]);
+    let (Some(first), Some(last)) = ((0..rows).find(seen), (0..rows).rfind(seen)) else {
+        factors.fill(1.0);
+        return;
+    };
+    for y in (0..first).chain(last + 1..rows) {
+        let from = y.clamp(first, last) * width;
+        factors.copy_within(from..from + width, y * width);
+    }
+}
+
+/// Adds a row's valid pixels to the sums of the columns.
+#[inline(always)]
+fn add_row(columns: &mut [i32], level: &Level, y: usize, (from, to): (usize, usize), sign: i32) {
+    let row = &level.values[y * level.stride..][from..to];
+    for (sum, &value) in columns[from..to].iter_mut().zip(row) {
+        *sum += sign * (i32::from(value) + DARK);
+    }
+}
+
+#[inline(always)]
+fn sum_along(columns: &[i32], prefix: &mut [i32]) {
+    let mut sum = 0;
+    for (before, &column) in prefix[1..].iter_mut().zip(columns) {
+        sum += column;
+        *before = sum;
     }
 }
 

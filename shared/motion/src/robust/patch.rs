@@ -100,45 +100,106 @@ pub(crate) fn valid(spans: &[Span], place: Place, y: usize, u: [f32; 2]) -> (usi
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(crate) fn blur(values: &[f32], place: Place, kernel: &[f32], out: &mut [f32], lines: &mut Lines) {
     let (w, h) = (place.width, place.height);
-    let sum = &mut lines.sum[..w + 2 * PAD];
+    let Lines { above: zeros, sum, .. } = lines;
+    let zeros = &mut zeros[..w];
+    zeros.fill(0.0);
+    let sum = &mut sum[..w + 2 * PAD];
     sum[..PAD].fill(0.0);
     sum[PAD + w..].fill(0.0);
     for y in 0..h {
-        let middle = &mut sum[PAD..PAD + w];
-        let row = |y: usize| &values[y * w..][..w];
-        for (s, v) in middle.iter_mut().zip(row(y)) {
-            *s = kernel[0] * v;
+        let mut rows: [(&[f32], &[f32]); PAD] = [(&[], &[]); PAD];
+        for d in 1..kernel.len() {
+            let before = if y >= d { &values[(y - d) * w..][..w] } else { &*zeros };
+            let after = if y + d < h { &values[(y + d) * w..][..w] } else { &*zeros };
+            rows[d] = (before, after);
         }
-        for (d, &weight) in kernel.iter().enumerate().skip(1) {
-            for other in [y.checked_sub(d), (y + d < h).then_some(y + d)].into_iter().flatten() {
-                for (s, v) in middle.iter_mut().zip(row(other)) {
-                    *s += weight * v;
+        let middle = &values[y * w..][..w];
+        for x in (0..w).step_by(RUN) {
+            let mut total = run(middle, x);
+            for l in 0..RUN {
+                total[l] *= kernel[0];
+            }
+            for d in 1..kernel.len() {
+                let (before, after) = (run(rows[d].0, x), run(rows[d].1, x));
+                for l in 0..RUN {
+                    total[l] += kernel[d] * (before[l] + after[l]);
                 }
             }
+            sum[PAD + x..][..RUN].copy_from_slice(&total);
         }
-        let out = &mut out[y * w..][..w];
-        for (o, s) in out.iter_mut().zip(&sum[PAD..]) {
-            *o = kernel[0] * s;
-        }
-        for (d, &weight) in kernel.iter().enumerate().skip(1) {
-            let (left, right) = (&sum[PAD - d..][..w], &sum[PAD + d..][..w]);
-            for x in 0..w {
-                out[x] += weight * (left[x] + right[x]);
+        for x in (0..w).step_by(RUN) {
+            let mut total = run(sum, PAD + x);
+            for l in 0..RUN {
+                total[l] *= kernel[0];
             }
+            for d in 1..kernel.len() {
+                let (left, right) = (run(sum, PAD + x - d), run(sum, PAD + x + d));
+                for l in 0..RUN {
+                    total[l] += kernel[d] * (left[l] + right[l]);
+                }
+            }
+            out[y * w + x..][..RUN].copy_from_slice(&total);
         }
     }
 }
 
-/// Sum of the positive values, in a fixed order.
+/// A run of values from `at` on.
+#[inline(always)]
+fn run(values: &[f32], at: usize) -> [f32; RUN] {
+    *values[at..].first_chunk().expect("lines are padded by a run")
+}
+
+/// Side of the blocks over which a trial's advantage is summed, px.
+const BLOCK: usize = 4;
+
+/// How much better the level displaced by `u` explains `newer` than what left `rest`: the advantage summed
+/// over blocks, so that noise cancels, and of the blocks those that gain.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-pub(crate) fn sum_positive(values: &[f32]) -> f32 {
-    let mut sums = [0f32; RUN];
-    for run in values.as_chunks::<RUN>().0 {
-        for l in 0..RUN {
-            sums[l] += run[l].max(0.0);
+pub(crate) fn score(
+    level: &Level,
+    (spans, place, u): (&[Span], Place, [f32; 2]),
+    (rest, newer): (&[f32], &[f32]),
+    lines: &mut Lines,
+) -> f32 {
+    let whole = u.map(|u| (-u).floor());
+    let part = [-u[0] - whole[0], -u[1] - whole[1]];
+    let (x0, y0) = (place.x + whole[0] as i32, place.y + whole[1] as i32);
+    let w = place.width;
+    let Lines { above, below, sum } = lines;
+    let mut total = 0.0;
+    load(level, x0, y0, &mut above[..=w]);
+    sum[..w].fill(0.0);
+    for y in 0..place.height {
+        load(level, x0, y0 + y as i32 + 1, &mut below[..=w]);
+        let (from, to) = valid(spans, place, y, u);
+        let line = y * w;
+        for x in (0..w).step_by(RUN) {
+            if x + RUN <= from || x >= to {
+                continue;
+            }
+            let (a0, a1, b0, b1) = (run(above, x), run(above, x + 1), run(below, x), run(below, x + 1));
+            let (r, n) = (run(rest, line + x), run(newer, line + x));
+            let mut held = run(sum, x);
+            let (first, end) = (from as i32 - x as i32, to as i32 - x as i32);
+            for l in 0..RUN {
+                let top = a0[l] + part[0] * (a1[l] - a0[l]);
+                let bottom = b0[l] + part[0] * (b1[l] - b0[l]);
+                let grey = top + part[1] * (bottom - top);
+                let inside = (l as i32 >= first) & ((l as i32) < end);
+                held[l] += if inside { r[l] - (n[l] - grey).abs() } else { 0.0 };
+            }
+            sum[x..][..RUN].copy_from_slice(&held);
         }
+        if y % BLOCK == BLOCK - 1 || y + 1 == place.height {
+            for block in sum[..w].as_chunks::<BLOCK>().0 {
+                let gain: f32 = block[0] + block[1] + block[2] + block[3];
+                total += gain.max(0.0);
+            }
+            sum[..w].fill(0.0);
+        }
+        std::mem::swap(above, below);
     }
-    sums.iter().sum()
+    total
 }
 
 /// `rest - abs(b - a)`, 0 outside of the valid columns: how much better `a` explains `b` than what left
@@ -174,9 +235,6 @@ pub(crate) fn least_squares((a, b, chosen): (&[f32], &[f32], &[f32]), place: Pla
         let mut x = 1;
         while x + RUN < w {
             let at = line + x;
-            let run = |values: &[f32], at: usize| -> [f32; RUN] {
-                *values[at..].first_chunk().expect("inside the patch")
-            };
             let (l_a, l_b, r_a, r_b) = (run(a, at - 1), run(b, at - 1), run(a, at + 1), run(b, at + 1));
             let (u_a, u_b, d_a, d_b) = (run(a, at - w), run(b, at - w), run(a, at + w), run(b, at + w));
             let (m_a, m_b, c) = (run(a, at), run(b, at), run(chosen, at));

@@ -62,7 +62,11 @@ impl Search {
             for (i, &score) in scores.iter().enumerate() {
                 // The template stays where it is in the newer frame, the older is looked up at (x, y).
                 let (u, v) = (rx - i as i32 % columns, ry - i as i32 / columns);
-                if allowed(u, v) && best.is_none_or(|(held, ..)| score > held) {
+                // Of equals (bars, which look alike wherever along them) the shortest.
+                let better = |(held, x, y): (f32, i32, i32)| {
+                    score > held || (score == held && u * u + v * v < x * x + y * y)
+                };
+                if allowed(u, v) && best.is_none_or(better) {
                     best = Some((score, u, v));
                 }
             }

@@ -18,30 +18,29 @@ const WHOLE: f32 = 12_582_912.0;
 pub(crate) type Span = (usize, usize);
 
 /// Writes `source` moved by `motion` and brightened by `gain` into `out`, and the valid part of each row
-/// into `spans`: bilinear between the level's pixels, the border repeated.
+/// into `spans`: bilinear between the level's pixels. What is not valid is 0.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(crate) fn warp(
     source: &Level,
     motion: &GlobalMotion,
-    gain: Option<&mut Gain>,
+    (gain, light): (&mut Gain, bool),
     k: usize,
     out: &mut Level,
     spans: &mut [Span],
 ) {
-    let mut gain = gain;
     for (y, span) in spans[..out.height].iter_mut().enumerate() {
-        let factors = gain.as_mut().map(|gain| gain.row(k, y));
-        let factors: Option<&[f32]> = factors.as_deref();
+        let factors = if light { gain.row(k, y) } else { gain.none() };
         let line = &mut out.values[y * out.stride..][..out.stride];
         *span = warp_row(source, motion, factors, (k, y), line);
     }
 }
 
+/// One row; `factors` are at least as many as the row's values.
 #[inline(always)]
-fn warp_row(
+pub(crate) fn warp_row(
     source: &Level,
     motion: &GlobalMotion,
-    factors: Option<&[f32]>,
+    factors: &[f32],
     (k, y): (usize, usize),
     line: &mut [i16],
 ) -> Span {
@@ -55,43 +54,32 @@ fn warp_row(
     // Runs lie inside of the valid columns, the last one ends with them.
     let last = to.max(from + RUN) - RUN;
     for start in (from..last).step_by(RUN).chain([last]) {
-        let (mut dx, mut dy) = ([0f32; RUN], [0f32; RUN]);
+        // Within a run the displacement is as good as linear: its ends tell all.
         let x = start as u32 as f32;
-        for l in 0..RUN {
-            let (u, v) = row.at(x + l as u32 as f32);
-            dx[l] = -u;
-            dy[l] = -v;
-        }
-        let mut grey = [0f32; RUN];
-        let whole = (below(dx[RUN / 2]), below(dy[RUN / 2]));
-        let (left, top) = (start as i32 + whole.0 as i32, y as i32 + whole.1 as i32);
-        for l in 0..RUN {
-            dx[l] -= whole.0;
-            dy[l] -= whole.1;
-        }
-        if straight(&dx, &dy) && fits(left, RUN, source.width) && fits(top, 1, source.height) {
-            let at = top as usize * source.stride + left as usize;
+        let ((u0, v0), (u1, v1)) = (row.at(x), row.at(x + LAST_LANE));
+        let whole = (below(-0.5 * (u0 + u1)), below(-0.5 * (v0 + v1)));
+        let run = Run {
+            left: start as i32 + whole.0 as i32,
+            top: y as i32 + whole.1 as i32,
+            first: (-u0 - whole.0, -v0 - whole.1),
+            last: (-u1 - whole.0, -v1 - whole.1),
+        };
+        let factors: &[f32; RUN] = factors[start..].first_chunk().expect("longer than a row");
+        let values: &mut [i16; RUN] = line[start..].first_chunk_mut().expect("rows are padded");
+        if run.is_straight() && fits(run.left, RUN, source.width) && fits(run.top, 1, source.height) {
+            let at = run.top as usize * source.stride + run.left as usize;
             let above: &[i16; RUN + 1] = source.values[at..].first_chunk().expect("inside the level");
             let below: &[i16; RUN + 1] =
                 source.values[at + source.stride..].first_chunk().expect("inside the level");
+            let slope = run.slope();
             for l in 0..RUN {
-                grey[l] = bilinear([above[l], above[l + 1], below[l], below[l + 1]], dx[l], dy[l]);
+                let corners = [above[l], above[l + 1], below[l], below[l + 1]];
+                let lane = l as u32 as f32;
+                let (dx, dy) = (run.first.0 + slope.0 * lane, run.first.1 + slope.1 * lane);
+                values[l] = rounded(bilinear(corners, dx, dy) * factors[l]);
             }
         } else {
-            for l in 0..RUN {
-                grey[l] = look_up(source, (left + l as i32, top), (dx[l], dy[l]));
-            }
-        }
-        if let Some(factors) = factors {
-            let factors: &[f32; RUN] = factors[start..].first_chunk().expect("longer than a row");
-            for l in 0..RUN {
-                grey[l] *= factors[l];
-            }
-        }
-        let values: &mut [i16; RUN] = line[start..].first_chunk_mut().expect("rows are padded");
-        for l in 0..RUN {
-            // Grey levels are not negative: the nearest whole number.
-            values[l] = (grey[l].min(GREATEST) + WHOLE).to_bits() as i16;
+            look_up_run(source, &run, factors, values);
         }
     }
     line[to..].fill(0);
@@ -125,16 +113,55 @@ fn valid_columns(source: &Level, row: &Row, y: usize) -> Span {
 /// Columns that are tried to find a valid one.
 const SEEDS: usize = 8;
 
-/// One pixel, the border repeated.
+const LAST_LANE: f32 = (RUN - 1) as f32;
+
+/// Where a run of pixels comes from.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    /// Column and row of the first one, about.
+    left: i32,
+    top: i32,
+    /// What is to be added to them, and for the last one.
+    first: (f32, f32),
+    last: (f32, f32),
+}
+
+impl Run {
+    #[inline(always)]
+    fn slope(&self) -> (f32, f32) {
+        ((self.last.0 - self.first.0) / LAST_LANE, (self.last.1 - self.first.1) / LAST_LANE)
+    }
+
+    /// Whether all pixels lie beside each other where they come from: within the pixels from (left, top) on.
+    #[inline(always)]
+    fn is_straight(&self) -> bool {
+        let within = |x: f32| (x - 0.5).abs() <= 0.5 + BEYOND;
+        within(self.first.0) & within(self.first.1) & within(self.last.0) & within(self.last.1)
+    }
+}
+
+/// A run pixel by pixel, the border repeated.
+#[inline(never)]
+fn look_up_run(source: &Level, run: &Run, factors: &[f32; RUN], values: &mut [i16; RUN]) {
+    let slope = run.slope();
+    for l in 0..RUN {
+        let lane = l as u32 as f32;
+        let (dx, dy) = (run.first.0 + slope.0 * lane, run.first.1 + slope.1 * lane);
+        let (wx, wy) = (below(dx), below(dy));
+        let (x, y) = (run.left + l as i32 + wx as i32, run.top + wy as i32);
+        let column = |x: i32| x.clamp(0, source.width as i32 - 1) as usize;
+        let line = |y: i32| y.clamp(0, source.height as i32 - 1) as usize * source.stride;
+        let (c0, c1, r0, r1) = (column(x), column(x + 1), line(y), line(y + 1));
+        let v = &source.values;
+        let corners = [v[r0 + c0], v[r0 + c1], v[r1 + c0], v[r1 + c1]];
+        values[l] = rounded(bilinear(corners, dx - wx, dy - wy) * factors[l]);
+    }
+}
+
+/// The nearest whole number; grey levels are not negative.
 #[inline(always)]
-fn look_up(source: &Level, (x, y): (i32, i32), (dx, dy): (f32, f32)) -> f32 {
-    let (wx, wy) = (below(dx), below(dy));
-    let (x, y) = (x + wx as i32, y + wy as i32);
-    let column = |x: i32| x.clamp(0, source.width as i32 - 1) as usize;
-    let line = |y: i32| y.clamp(0, source.height as i32 - 1) as usize * source.stride;
-    let (c0, c1, r0, r1) = (column(x), column(x + 1), line(y), line(y + 1));
-    let v = &source.values;
-    bilinear([v[r0 + c0], v[r0 + c1], v[r1 + c0], v[r1 + c1]], dx - wx, dy - wy)
+fn rounded(grey: f32) -> i16 {
+    (grey.min(GREATEST) + WHOLE).to_bits() as i16
 }
 
 /// Greatest value that a derivative still fits 16 bits with: the gain may brighten beyond white.
@@ -156,19 +183,6 @@ fn below(x: f32) -> f32 {
 /// whole number need not be looked up pixel by pixel. The error is a 30th of the second difference, a
 /// quarter of the interpolation's own at its worst.
 const BEYOND: f32 = 1.0 / 16.0;
-
-/// Whether all pixels of a run lie beside each other where they come from: their places, from the first
-/// one's pixel, are within it.
-#[inline(always)]
-fn straight(dx: &[f32; RUN], dy: &[f32; RUN]) -> bool {
-    let mut farthest = 0u32;
-    for l in 0..RUN {
-        // Of positive numbers the larger has the larger bits.
-        let (x, y) = ((dx[l] - 0.5).abs().to_bits(), (dy[l] - 0.5).abs().to_bits());
-        farthest = farthest.max(x).max(y);
-    }
-    farthest <= (0.5 + BEYOND).to_bits()
-}
 
 #[inline(always)]
 fn bilinear(corners: [i16; 4], fx: f32, fy: f32) -> f32 {

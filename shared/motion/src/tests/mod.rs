@@ -4,8 +4,12 @@ mod bright_blob;
 mod golden;
 mod oracle;
 mod properties;
+mod robust;
+mod robust_properties;
 mod robustness;
 mod segmentation;
+mod tracker;
+mod waves;
 
 use crate::*;
 

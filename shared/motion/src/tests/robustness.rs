@@ -181,16 +181,42 @@ fn images_that_lie_about_their_shape_are_refused() {
 #[test]
 fn shapes_and_parameters_out_of_range_are_refused() {
     let refused = |width, height, parameters: &Parameters| {
-        VoteEngine::new(width, height, parameters).unwrap_err().to_string()
+        VoteEngine::new(width, height, parameters).err().map_or_else(String::new, |error| error.to_string())
     };
     let ok = Parameters::default();
-    assert!(refused(64, 261, &ok).contains("at most 4 times"), "{}", refused(64, 261, &ok));
     assert!(refused(32, 64, &ok).contains("64 to 4096"));
     assert!(refused(64, 64, &Parameters { floor: f64::NAN, ..ok }).starts_with("floor is NaN"));
     assert!(refused(64, 64, &Parameters { passes: 11, ..ok }).starts_with("passes is 11"));
     assert!(refused(64, 64, &Parameters { min_blob_cells: 0, ..ok }).starts_with("min_blob_cells"));
     assert!(refused(64, 64, &Parameters { max_blob_cells: 0, ..ok }).starts_with("max_blob_cells"));
     assert!(refused(64, 64, &Parameters { sum_threshold: 1.0, ..ok }).starts_with("sum_threshold"));
+}
+
+#[test]
+fn frames_longer_than_four_to_one_have_fewer_cells_along_the_shorter_side() {
+    for (width, height) in [(64, 261), (261, 64), (64, 4096), (4096, 64), (100, 1700)] {
+        for parameters in [Parameters::default(), Parameters::literal()] {
+            let (older, newer) = pair(width, height);
+            let (fields, summary) = vote(&older, &newer, &parameters);
+            let size = format!("{width}x{height}: {} x {} cells", summary.columns, summary.rows);
+            assert!(summary.valid, "{size}");
+            assert!(summary.columns * summary.rows <= MAX_CELLS, "{size}");
+            assert!((1..CELLS_ALONG_SHORTER_SIDE).contains(&summary.columns.min(summary.rows)), "{size}");
+            // The cells cover the frame, up to a part of one at the longer side's end.
+            let covered = [summary.columns, summary.rows].map(|n| n as f64 * f64::from(summary.cell_px));
+            for (covered, side) in covered.into_iter().zip([width as f64, height as f64]) {
+                assert!(covered < side + 0.1 && covered > side - f64::from(summary.cell_px), "{size}");
+            }
+            assert!(used(&fields, &summary).all(f32::is_finite), "{size}");
+            assert!(used(&fields, &summary).any(|vote| vote != 0.0), "{size}");
+            if let Ok(target) = segment(&fields, &summary, &parameters, &mut SegmentScratch::new()).target {
+                let (u, v) = (target.u, target.v);
+                let margin = 2.0 * f64::from(summary.cell_px);
+                assert!((-margin..width as f64 + margin).contains(&u), "{size}: {u}");
+                assert!((-margin..height as f64 + margin).contains(&v), "{size}: {v}");
+            }
+        }
+    }
 }
 
 #[test]

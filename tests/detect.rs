@@ -397,3 +397,64 @@ fn real_sequences_are_answered_frame_by_frame() {
     }
     assert!(seen > 0, "the folder holds sequences");
 }
+
+/// The truth's boxes [x, y, w, h] at a frame: between frames whose boxes were read off, in between.
+fn boxes(meta: &Value, frame: u64) -> Vec<[f64; 4]> {
+    let truth = meta["truth"].as_object().expect("truth by frame");
+    let at = |key: u64| -> Vec<[f64; 4]> {
+        let boxes = truth[&key.to_string()].as_array().expect("boxes");
+        boxes.iter().map(|b| [0, 1, 2, 3].map(|i| number(&b[i]))).collect()
+    };
+    let keys = || truth.keys().filter_map(|key| key.parse::<u64>().ok());
+    let before = keys().filter(|key| *key <= frame).max();
+    let after = keys().filter(|key| *key >= frame).min();
+    match (before, after) {
+        (Some(first), Some(last)) if first < last => {
+            let part = (frame - first) as f64 / (last - first) as f64;
+            let blend = |(a, b): (&[f64; 4], &[f64; 4])| std::array::from_fn(|i| a[i] + part * (b[i] - a[i]));
+            at(first).iter().zip(&at(last)).map(blend).collect()
+        }
+        (Some(key), _) | (None, Some(key)) => at(key),
+        (None, None) => Vec::new(),
+    }
+}
+
+#[test]
+fn targets_of_real_sequences_are_found_and_nothing_is_seen_where_nothing_moves() {
+    let Some(data) = sequences() else {
+        eprintln!("skipped: no ../shared/data with real image sequences here");
+        return;
+    };
+    let (mut pairs, mut alone, mut tracked) = (0u32, 0u32, 0u32);
+    let (mut empty, mut alarms) = (0u32, 0u32);
+    for entry in std::fs::read_dir(data).expect("the folder").flatten() {
+        let folder = entry.path();
+        if !folder.join("meta.json").exists() {
+            continue;
+        }
+        let meta = support::json(&folder.join("meta.json"));
+        for (frame, line) in detect(&folder, &[]).iter().enumerate().skip(1) {
+            let boxes = boxes(&meta, frame as u64);
+            if boxes.is_empty() {
+                empty += 1;
+                alarms += u32::from(!line["target"].is_null());
+                continue;
+            }
+            let inside = |answer: &Value| {
+                let at = |b: &[f64; 4]| {
+                    let (u, v) = (number(&answer["u"]) - b[0], number(&answer["v"]) - b[1]);
+                    (0.0..=b[2]).contains(&u) && (0.0..=b[3]).contains(&v)
+                };
+                !answer.is_null() && boxes.iter().any(at)
+            };
+            pairs += 1;
+            alone += u32::from(inside(&line["pair"]));
+            tracked += u32::from(inside(&line["target"]));
+        }
+    }
+    eprintln!("of {pairs} pairs: best answer inside {alone}, target {tracked}; alarms {alarms} of {empty}");
+    assert!(pairs > 0 && empty > 0, "the folder holds sequences of both kinds");
+    assert!(f64::from(alone) >= 0.88 * f64::from(pairs), "{alone} of {pairs} pairs");
+    assert!(f64::from(tracked) >= 0.92 * f64::from(pairs), "{tracked} of {pairs} pairs with tracks");
+    assert!(f64::from(alarms) <= 0.05 * f64::from(empty), "{alarms} false alarms in {empty} pairs");
+}

@@ -25,7 +25,7 @@ use evidence::{Evidence, Map};
 use fit::{Histogram, histogram, mean_residual, moments, residual_scale};
 use gain::Gain;
 use model::GlobalMotion;
-use parameters::{RobustParameters, SCALES};
+use parameters::RobustParameters;
 use patch::{Place, RUN};
 use search::{MAX_SHORTER, Search};
 use warp::{Span, warp};
@@ -455,7 +455,8 @@ impl RobustEngine {
                 *t = u.map(|u| u / pixel);
             }
             // Of a patch that grew the motion is known.
-            let known = winner.map(|(winner, level)| winner.motion.map(|u| u * f32::from(2u16 << level) / pixel));
+            let known =
+                winner.map(|(winner, level)| winner.motion.map(|u| u * f32::from(2u16 << level) / pixel));
             let pair =
                 LevelPair { older: &self.warped[k], newer: &self.newer.levels[k], spans: &self.spans[k] };
             let longer = area.iter().map(|(first, end)| (end - first) >> k).max().unwrap_or(0);
@@ -558,24 +559,23 @@ impl RobustEngine {
         }
     }
 
-    /// Writes the normalised votes in the coarsest windows as fields: cells per row, rows, and the side of a
+    /// Writes the normalised votes as fields, in windows of about a 16th of the frame: cells per row, rows, and the side of a
     /// cell, full-resolution px. All 0 where there was no answer.
     pub fn fields(&self, findings: &Findings, fields: &mut Fields) -> (usize, usize, f64) {
-        let (columns, rows) = self.evidence.coarse_size();
-        let cell_px = (self.evidence.cell() << SCALES) as f64;
+        let (columns, rows, cell) = self.evidence.shown_grid();
         // A long frame may have more cells than there is room for: then several are one.
         let block = (1..).find(|b| columns.div_ceil(*b) * rows.div_ceil(*b) <= MAX_CELLS).unwrap_or(1);
         let (wide, high) = (columns.div_ceil(block), rows.div_ceil(block));
         for (i, field) in fields.iter_mut().enumerate() {
             field[..wide * high].fill(0.0);
             if findings.outcome == Outcome::Answered {
-                for (cell, vote) in self.evidence.coarse(i).enumerate() {
+                for (cell, vote) in self.evidence.shown_votes(i).enumerate() {
                     let (x, y) = (cell % columns / block, cell / columns / block);
                     field[y * wide + x] += vote / (block * block) as f32;
                 }
             }
         }
-        (wide, high, cell_px * block as f64)
+        (wide, high, (2 * cell * block) as f64)
     }
 
     /// Level `k` (0, 1, 2) of the newer frame of the last call: columns, rows, values from row to row, and

@@ -188,7 +188,7 @@ impl Tracker {
 
     /// A new track in a free place, or in that of the least sure tentative one.
     fn begin(&mut self, candidate: &Candidate, frames: f64) {
-        let track = Track::new(self.next_id, candidate, frames);
+        let track = Track::new(self.next_id, candidate, frames, self.parameters.confirm);
         let weak = |slot: &Option<Track>| match slot {
             None => -1.0,
             Some(track) if track.state == TrackState::Tentative => track.existence,
@@ -211,12 +211,14 @@ impl Tracker {
 }
 
 impl Track {
-    fn new(id: u32, candidate: &Candidate, frames: f64) -> Track {
+    fn new(id: u32, candidate: &Candidate, frames: f64, confirm: f64) -> Track {
         let noise = measurement_noise(candidate, frames, candidate.area_px);
         let odds = BIRTH_ODDS * odds(candidate.confidence);
+        // One pair that leaves no doubt is enough.
+        let sure = odds / (1.0 + odds) >= confirm;
         Track {
             id,
-            state: TrackState::Tentative,
+            state: if sure { TrackState::Confirmed } else { TrackState::Tentative },
             mean: measurement(candidate, frames).into(),
             covariance: (noise * 4.0).into(),
             velocity: [candidate.vu / frames, candidate.vv / frames],

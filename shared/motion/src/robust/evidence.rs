@@ -172,15 +172,22 @@ impl Evidence {
         std::array::from_fn(|i| cells.iter().map(|&cell| f64::from(votes[i][cell])).sum())
     }
 
-    /// Cells per row and rows of the coarsest scale.
-    pub(crate) fn coarse_size(&self) -> (usize, usize) {
-        let sums = &self.sums[SCALES - 1];
-        (sums.columns, sums.rows)
+    /// The scale whose cells are shown: the coarsest with enough of them to see a shape.
+    fn shown(&self) -> usize {
+        const LEAST: usize = 12;
+        let enough = |s: &usize| self.sums[*s].columns.min(self.sums[*s].rows) >= LEAST;
+        (0..SCALES).rev().find(enough).unwrap_or(0)
     }
 
-    /// The normalised votes of label `i` (from 0) at the coarsest scale, row by row.
-    pub(crate) fn coarse(&self, i: usize) -> impl Iterator<Item = f32> {
-        let sums = &self.sums[SCALES - 1];
+    /// Cells per row, rows, and side of a cell in base px, of the scale that is shown.
+    pub(crate) fn shown_grid(&self) -> (usize, usize, usize) {
+        let s = self.shown();
+        (self.sums[s].columns, self.sums[s].rows, self.cell << s)
+    }
+
+    /// The normalised votes of label `i` (from 0) at that scale, row by row.
+    pub(crate) fn shown_votes(&self, i: usize) -> impl Iterator<Item = f32> {
+        let sums = &self.sums[self.shown()];
         let least = self.parameters.least_gradient;
         sums.votes[i].iter().zip(&sums.norms[i]).map(move |(vote, norm)| vote / (norm + least))
     }

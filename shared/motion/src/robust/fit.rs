@@ -200,8 +200,7 @@ pub(crate) fn residual_scale(older: &Level, newer: &Level, spans: &[Span], count
 #[inline(always)]
 fn gradient(level: &Level, x: usize, y: usize) -> u32 {
     let (at, v) = (y * level.stride + x, &level.values);
-    u32::from(v[at + 1].abs_diff(v[at - 1]))
-        + u32::from(v[at + level.stride].abs_diff(v[at - level.stride]))
+    u32::from(v[at + 1].abs_diff(v[at - 1])) + u32::from(v[at + level.stride].abs_diff(v[at - level.stride]))
 }
 
 pub(crate) type Histogram = [u32; BINS];

@@ -5,6 +5,7 @@ mod golden;
 mod oracle;
 mod properties;
 mod robust;
+mod robust_parts;
 mod robust_properties;
 mod robustness;
 mod segmentation;

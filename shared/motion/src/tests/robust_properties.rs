@@ -23,9 +23,8 @@ fn draw(content: Content, (width, height): (usize, usize), seed: u64) -> [Pictur
     let mut random = Random(seed);
     match content {
         Content::Noise => [0, 1].map(|_| Picture::new(width, height, |_, _| 255.0 * random.uniform())),
-        Content::Stars => [0, 1].map(|_| {
-            Picture::new(width, height, |_, _| if random.uniform() < 0.001 { 255.0 } else { 0.0 })
-        }),
+        Content::Stars => [0, 1]
+            .map(|_| Picture::new(width, height, |_, _| if random.uniform() < 0.001 { 255.0 } else { 0.0 })),
         Content::Blocks => {
             let side = 1 + (random.next() % 40) as usize;
             let (u, v) = ((random.next() % 30) as usize, (random.next() % 30) as usize);

@@ -82,7 +82,7 @@ fn each_image_gives_one_json_line_and_the_target_is_found() {
     result.unwrap();
     let lines: Vec<serde_json::Value> = out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(lines.len(), 12);
-    let keys = ["background", "file", "frame", "target", "us"];
+    let keys = ["background", "file", "frame", "pair", "target", "us"];
     let mut near = 0;
     for (frame, line) in lines.iter().enumerate() {
         let mut found: Vec<&str> = line.as_object().unwrap().keys().map(String::as_str).collect();

@@ -48,12 +48,14 @@ fn a_target_at_the_border_is_not_asked_for() {
 }
 
 #[test]
-fn slow_targets_are_not_asked_for_and_resting_ones_must_not_be_found() {
+fn slow_targets_are_not_asked_for_and_resting_ones_must_not_move_elsewhere() {
     let truth = |speed: f64| Truth { relative_velocity: [0.0, -speed], ..TRUTH };
     assert_eq!(judge(&truth(0.51), None, 200), Some(Verdict::Missed));
     assert_eq!(judge(&truth(0.5), at(100.0, 60.0), 200), None);
     assert_eq!(judge(&truth(0.1), at(100.0, 60.0), 200), None);
-    assert_eq!(judge(&truth(0.09), at(100.0, 60.0), 200), Some(Verdict::FalseAlarm));
+    assert_eq!(judge(&truth(0.09), at(120.0, 60.0), 200), Some(Verdict::FalseAlarm));
+    // 6 % of 200 are 12: to know where one rests is no alarm
+    assert_eq!(judge(&truth(0.09), at(111.0, 60.0), 200), None);
     assert_eq!(judge(&truth(0.0), None, 200), Some(Verdict::Quiet));
 }
 

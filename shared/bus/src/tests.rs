@@ -128,7 +128,7 @@ fn another_payload_under_the_same_name_is_refused_by_name() {
     let _held = bus.hold_all_topics().unwrap();
     let error = bus.publisher(Impostor).err().unwrap();
     assert!(error.is_version(), "{error}");
-    assert!(error.to_string().contains("votes/v1"), "{error}");
+    assert!(error.to_string().contains(VoteFields::NAME), "{error}");
 }
 
 #[test]

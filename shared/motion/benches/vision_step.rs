@@ -23,6 +23,9 @@ struct Bench {
     disc: Vec<u8>,
 }
 
+/// A part's name, and what does it once.
+type Named<'a> = (&'static str, Box<dyn FnMut() + 'a>);
+
 /// What pans under the camera, px per frame, and how the target moves relative to it: not whole.
 const PAN: (f64, f64) = (6.5, 3.0);
 const RELATIVE: (f64, f64) = (4.0, -1.5);
@@ -62,9 +65,9 @@ impl Bench {
             .expect("the bench's shape is valid")
     }
 
-    /// Every part by name, as something that does it once.
-    fn parts(&self) -> Vec<(&'static str, Box<dyn FnMut() + '_>)> {
-        let mut parts: Vec<(&str, Box<dyn FnMut()>)> = Vec::new();
+    /// Every part that can be done alone.
+    fn parts(&self) -> Vec<Named<'_>> {
+        let mut parts: Vec<Named<'_>> = Vec::new();
         let mut copy = vec![0u8; self.new.len()];
         parts.push((COPY, Box::new(move || black_box(&mut copy).copy_from_slice(black_box(&self.new)))));
 
@@ -115,7 +118,7 @@ impl Bench {
         parts.push((
             "segmentation",
             Box::new(move || {
-                black_box(segment(black_box(&fields), &summary, &parameters, &mut scratch)).ok();
+                black_box(segment(black_box(&fields), &summary, &parameters, &mut scratch));
             }),
         ));
 
@@ -124,7 +127,7 @@ impl Bench {
             "bright blob",
             Box::new(move || {
                 let disc = self.image(&self.disc);
-                black_box(detect_blob(black_box(&disc), &BlobParameters::default(), &mut scratch)).ok();
+                black_box(detect_blob(black_box(&disc), &BlobParameters::default(), &mut scratch));
             }),
         ));
 
@@ -158,7 +161,7 @@ impl Bench {
     }
 
     /// There and back again: each call gives the next pair.
-    fn turns(&self) -> impl FnMut() -> (Image<'_>, Image<'_>) {
+    fn turns<'a>(&'a self) -> impl FnMut() -> (Image<'a>, Image<'a>) {
         let mut back = true;
         move || {
             back = !back;

@@ -147,7 +147,8 @@ fn light_that_changes_is_no_candidate() {
     let older = Shot::still(320, 256);
     let newer = older.panned(3.4, -1.7);
     let smooth = |x: f64, y: f64| 1.0 + 0.12 * (x / 90.0).sin() * (y / 70.0).cos();
-    let lights: [(&str, &dyn Fn(f64, f64) -> f64); 3] =
+    type Light<'a> = &'a dyn Fn(f64, f64) -> f64;
+    let lights: [(&str, Light<'_>); 3] =
         [("brighter", &|_, _| 1.2), ("darker", &|_, _| 0.8), ("uneven", &smooth)];
     let before = older.taken(&waves);
     for (name, light) in lights {

@@ -96,10 +96,10 @@ fn the_warp_is_the_same_to_the_bit_on_every_path() {
             assert!(spans.iter().any(|span| span.1 > span.0), "{size:?}: something to compare");
             assert!(spans == plain_spans && out.values == plain.values, "{size:?} level {k}: plain");
             let mut line = vec![0; out.stride];
-            for y in 0..out.height {
+            for (y, &expected) in spans.iter().enumerate() {
                 let span = warp_row_of_avx2(&source, &motion, gain.row(k, y), (k, y), &mut line);
                 let row = &out.values[y * out.stride..][..out.width];
-                assert!(span == spans[y] && line[..out.width] == *row, "{size:?} level {k}: 256 bits");
+                assert!(span == expected && line[..out.width] == *row, "{size:?} level {k}: 256 bits");
             }
         }
     }

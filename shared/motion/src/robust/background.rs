@@ -1,0 +1,92 @@
+//! The background's motion: from large translations down to hundredths of a pixel, level by level, the light
+//! corrected on the way; then all levels of the older frame as the newer would show the background.
+
+use super::RobustEngine;
+use super::fit::{mean_residual, moments, residual_scale};
+use super::model::GlobalMotion;
+use super::warp::warp;
+use crate::pyramid::LEVELS;
+
+/// Gauss-Newton steps on the finest level, the one above it, the coarsest.
+const STEPS: [usize; LEVELS] = [1, 3, 4];
+
+impl RobustEngine {
+    /// The background's motion; `None` where the image has no structure.
+    pub(super) fn fit(&mut self) -> Option<GlobalMotion> {
+        let still = GlobalMotion::still(self.size.0, self.size.1);
+        let pixel = f64::from(2u32 << (self.coarsest + self.thumbnails[0].len()));
+        let older = self.thumbnails[0].last().unwrap_or(&self.older.levels[self.coarsest]);
+        let newer = self.thumbnails[1].last().unwrap_or(&self.newer.levels[self.coarsest]);
+        let starts =
+            if self.parameters.search { self.search.candidates(older, newer) } else { [Some((0, 0)), None] };
+        let mut best: Option<(f64, GlobalMotion)> = None;
+        for (u, v) in starts.into_iter().flatten() {
+            let start = still.translated(f64::from(u) * pixel, f64::from(v) * pixel);
+            let Some(motion) = self.fit_level(start, self.coarsest) else { continue };
+            self.warp_level(&motion, self.coarsest, true);
+            let k = self.coarsest;
+            let residual = mean_residual(&self.warped[k], &self.newer.levels[k], &self.spans[k]);
+            if best.is_none_or(|(held, _)| residual < held) {
+                best = Some((residual, motion));
+            }
+        }
+        let (_, mut motion) = best?;
+        for k in (0..self.coarsest).rev() {
+            motion = self.fit_level(motion, k)?;
+        }
+        Some(motion)
+    }
+
+    /// Gauss-Newton steps on level `k`.
+    fn fit_level(&mut self, mut motion: GlobalMotion, k: usize) -> Option<GlobalMotion> {
+        let steps = STEPS[k].max(if k == self.coarsest { STEPS[LEVELS - 1] } else { 0 });
+        let pixel = f64::from(2u32 << k);
+        for step in 0..steps {
+            // While the fit is coarse, what is light and what is motion must be told apart again.
+            if step == 0 || (step == 2 && k == self.coarsest) {
+                self.measure_gain(&motion);
+            }
+            self.warp_level(&motion, k, true);
+            let (older, newer, spans) = (&self.warped[k], &self.newer.levels[k], &self.spans[k]);
+            let scale = residual_scale(older, newer, spans, &mut self.counts);
+            let sums = moments(older, newer, spans, (k, &motion), scale);
+            let current = motion.coefficients.map(|a| a / pixel);
+            let prior = motion.prior().map(|a| a / pixel);
+            let correction = sums.solve(self.parameters.model, current, prior, scale / 2.0)?;
+            for (a, c) in motion.coefficients.iter_mut().zip(correction) {
+                *a -= c * pixel;
+            }
+            if !self.plausible(&motion) {
+                return None;
+            }
+        }
+        Some(motion)
+    }
+
+    /// A motion that leaves some of the older frame in sight.
+    fn plausible(&self, motion: &GlobalMotion) -> bool {
+        let limit = self.size.0.max(self.size.1) as f64;
+        motion.is_finite() && motion.coefficients.iter().all(|a| a.abs() < limit)
+    }
+
+    fn measure_gain(&mut self, motion: &GlobalMotion) {
+        if self.parameters.light {
+            let coarsest = LEVELS - 1;
+            self.warp_level(motion, coarsest, false);
+            self.gain.measure(&self.warped[coarsest], &self.newer.levels[coarsest], &self.spans[coarsest]);
+        }
+    }
+
+    fn warp_level(&mut self, motion: &GlobalMotion, k: usize, light: bool) {
+        let gain = (&mut self.gain, light && self.parameters.light);
+        warp(&self.older.levels[k], motion, gain, k, &mut self.warped[k], &mut self.spans[k]);
+    }
+
+    /// All levels of the older frame as the newer would show the background.
+    pub(super) fn compensate(&mut self, motion: &GlobalMotion) {
+        self.measure_gain(motion);
+        for k in 0..LEVELS {
+            self.warp_level(motion, k, true);
+        }
+    }
+}

@@ -4,7 +4,7 @@
 use super::RobustEngine;
 use super::fit::{mean_residual, moments, residual_scale};
 use super::model::GlobalMotion;
-use super::warp::warp;
+use super::warp::{warp, warp_bands};
 use crate::pyramid::LEVELS;
 
 /// Gauss-Newton steps on the finest level, the one above it, the coarsest.
@@ -46,7 +46,13 @@ impl RobustEngine {
             if step == 0 || (step == 2 && k == self.coarsest) {
                 self.measure_gain(&motion);
             }
-            self.warp_level(&motion, k, true);
+            if k == 0 && self.coarsest > 0 {
+                // What remains is small and a sample of the finest level tells it.
+                let gain = (&mut self.gain, self.parameters.light);
+                warp_bands(&self.older.levels[k], &motion, gain, k, &mut self.warped[k], &mut self.spans[k]);
+            } else {
+                self.warp_level(&motion, k, true);
+            }
             let (older, newer, spans) = (&self.warped[k], &self.newer.levels[k], &self.spans[k]);
             let scale = residual_scale(older, newer, spans, &mut self.counts);
             let sums = moments(older, newer, spans, (k, &motion), scale);

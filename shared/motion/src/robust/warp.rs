@@ -28,7 +28,41 @@ pub(crate) fn warp(
     out: &mut Level,
     spans: &mut [Span],
 ) {
+    warp_body(source, motion, (gain, light), k, (out, spans), |_| true);
+}
+
+/// Rows between the beginnings of bands, and rows of a band: a sample of a level that costs a third.
+const BAND_PERIOD: usize = 32;
+const BAND_ROWS: usize = 12;
+
+/// As [`warp`], but only bands of rows; nothing of the others is valid.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub(crate) fn warp_bands(
+    source: &Level,
+    motion: &GlobalMotion,
+    (gain, light): (&mut Gain, bool),
+    k: usize,
+    out: &mut Level,
+    spans: &mut [Span],
+) {
+    let in_band = |y: usize| y % BAND_PERIOD < BAND_ROWS;
+    warp_body(source, motion, (gain, light), k, (out, spans), in_band);
+}
+
+#[inline(always)]
+fn warp_body(
+    source: &Level,
+    motion: &GlobalMotion,
+    (gain, light): (&mut Gain, bool),
+    k: usize,
+    (out, spans): (&mut Level, &mut [Span]),
+    wanted: impl Fn(usize) -> bool,
+) {
     for (y, span) in spans[..out.height].iter_mut().enumerate() {
+        if !wanted(y) {
+            *span = (0, 0);
+            continue;
+        }
         let factors = if light { gain.row(k, y) } else { gain.none() };
         let line = &mut out.values[y * out.stride..][..out.stride];
         *span = warp_row(source, motion, factors, (k, y), line);

@@ -1,10 +1,12 @@
-//! Tests of the detector: the golden cases G1..G10 of design notes on vision, section 3; a scalar oracle; properties.
+//! Tests of the detector: the golden cases G1..G10 of design notes on vision, section 3; a scalar oracle;
+//! properties; robust mode against analytic scenes, and its parts one by one; the life of tracks.
 
 mod bright_blob;
 mod golden;
 mod oracle;
 mod properties;
 mod robust;
+mod robust_evidence;
 mod robust_parts;
 mod robust_properties;
 mod robustness;

@@ -132,9 +132,9 @@ impl Parameters {
     pub const DEFAULT_REFIT_DEADLINE: Duration = Duration::from_millis(200);
     /// [`Parameters::lead`] unless set: the simulated robot's 80 ms and the lag of its servos.
     pub const DEFAULT_LEAD: Duration = Duration::from_millis(90);
-    /// [`Parameters::noise`] unless set: what the votes' centre of gravity is off (a third of a cell), and
-    /// a target that needs about a second to change its acceleration.
-    pub const DEFAULT_NOISE: Noise = Noise { measurement_rad: 0.025, jerk: 0.003 };
+    /// [`Parameters::noise`] unless set: some pixels, what detection and learnt map together are off, and a
+    /// target that changes its acceleration within half a second.
+    pub const DEFAULT_NOISE: Noise = Noise { measurement_rad: 0.01, jerk: 0.03 };
     /// [`Parameters::lost_after`] unless set.
     pub const DEFAULT_LOST_AFTER: Duration = Duration::from_millis(500);
     /// [`Parameters::return_after`] unless set.

@@ -58,6 +58,7 @@ fn warp_body(
     (out, spans): (&mut Level, &mut [Span]),
     wanted: impl Fn(usize) -> bool,
 ) {
+    let mut guess = (0, source.width);
     for (y, span) in spans[..out.height].iter_mut().enumerate() {
         if !wanted(y) {
             *span = (0, 0);
@@ -65,21 +66,22 @@ fn warp_body(
         }
         let factors = if light { gain.row(k, y) } else { gain.none() };
         let line = &mut out.values[y * out.stride..][..out.stride];
-        *span = warp_row(source, motion, factors, (k, y), line);
+        *span = warp_row(source, motion, factors, ((k, y), guess), line);
+        guess = *span;
     }
 }
 
-/// One row; `factors` are at least as many as the row's values.
+/// One row; `factors` are at least as many as the row's values, `guess` is where the valid columns may be.
 #[inline(always)]
 pub(crate) fn warp_row(
     source: &Level,
     motion: &GlobalMotion,
     factors: &[f32],
-    (k, y): (usize, usize),
+    ((k, y), guess): ((usize, usize), Span),
     line: &mut [i16],
 ) -> Span {
     let row = motion.row(k, y);
-    let (from, to) = valid_columns(source, &row, y);
+    let (from, to) = valid_columns(source, &row, y, guess);
     line[..from].fill(0);
     line[to..].fill(0);
     if from == to {
@@ -122,15 +124,26 @@ pub(crate) fn warp_row(
 
 /// The columns of row `y` that come from where the older level is valid (first, end).
 #[inline(always)]
-fn valid_columns(source: &Level, row: &Row, y: usize) -> Span {
+fn valid_columns(source: &Level, row: &Row, y: usize, guess: Span) -> Span {
     let inside = |x: usize| {
-        let (u, v) = row.at(x as f32);
-        let within = |s: f32, side: usize| s >= MARGIN as f32 && s < side as f32 - 1.0 - MARGIN as f32;
-        within(x as f32 - u, source.width) && within(y as f32 - v, source.height)
+        let (u, v) = row.at(x as u32 as f32);
+        let within =
+            |s: f32, side: usize| (s >= MARGIN as f32) & (s < side as u32 as f32 - 1.0 - MARGIN as f32);
+        within(x as u32 as f32 - u, source.width) & within(y as u32 as f32 - v, source.height)
     };
-    // Displacements change slowly along a row, so that the valid columns are an interval: from some that
-    // are valid, its ends are found by halving.
+    // Displacements change slowly along a row, so that the valid columns are an interval. Its ends are
+    // mostly where they were in the row above, or beside it.
     let width = source.width;
+    let first = (guess.0.saturating_sub(1)..width.min(guess.0 + 2)).find(|&x| inside(x));
+    let last = (guess.1.saturating_sub(2)..width.min(guess.1 + 1)).rev().find(|&x| inside(x));
+    if let (Some(first), Some(last)) = (first, last) {
+        let found_first = first == 0 || !inside(first - 1);
+        let found_last = last + 1 == width || !inside(last + 1);
+        if found_first && found_last && first < last {
+            return (first, last + 1);
+        }
+    }
+    // From some column that is valid, the ends are found by halving.
     let Some(seed) = (0..=SEEDS).map(|i| i * (width - 1) / SEEDS).find(|&x| inside(x)) else { return (0, 0) };
     let end = |mut good: usize, mut bad: usize| {
         while good.abs_diff(bad) > 1 {
@@ -163,7 +176,8 @@ struct Run {
 impl Run {
     #[inline(always)]
     fn slope(&self) -> (f32, f32) {
-        ((self.last.0 - self.first.0) / LAST_LANE, (self.last.1 - self.first.1) / LAST_LANE)
+        const PER_LANE: f32 = 1.0 / LAST_LANE;
+        ((self.last.0 - self.first.0) * PER_LANE, (self.last.1 - self.first.1) * PER_LANE)
     }
 
     /// Whether all pixels lie beside each other where they come from: within the pixels from (left, top) on.

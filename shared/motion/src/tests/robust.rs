@@ -278,18 +278,10 @@ fn noise_alone_is_answered_with_finite_numbers_and_no_sure_target() {
     assert!(sure <= 1, "{sure} of 10 pairs of noise have a target");
 }
 
-#[test]
-fn nothing_but_the_older_frame_is_remembered() {
-    let waves = Waves::new(30.0, 12);
-    let size = (200, 160);
-    let frames: Vec<Picture> = (0..5)
-        .map(|i| {
-            let i = f64::from(i);
-            let shot = Shot { noise: (2.0, i as u64), ..Shot::still(size.0, size.1) };
-            shot.panned(2.3 * i, -1.1 * i).with_spot(80.0 + 6.0 * i, 90.0 + i, 14.0).taken(&waves)
-        })
-        .collect();
-    let mut engine = RobustEngine::new(size.0, size.1, &RobustParameters::default()).unwrap();
+/// Runs through the frames with one engine, and each pair once more with it and with a fresh one.
+fn check_memory(frames: &[Picture]) {
+    let (width, height) = (frames[0].width, frames[0].height);
+    let mut engine = RobustEngine::new(width, height, &RobustParameters::default()).unwrap();
     engine.detect(Older::Missing, frames[0].image(), &mut NoProbe);
     let mut seen = 0;
     for i in 1..frames.len() {
@@ -304,6 +296,31 @@ fn nothing_but_the_older_frame_is_remembered() {
         seen += running.count;
     }
     assert!(seen > 0, "there was something to compare");
+}
+
+#[test]
+fn nothing_but_the_older_frame_is_remembered() {
+    let waves = Waves::new(30.0, 12);
+    let frames: Vec<Picture> = (0..5)
+        .map(|i| {
+            let i = f64::from(i);
+            let shot = Shot { noise: (2.0, i as u64), ..Shot::still(200, 160) };
+            shot.panned(2.3 * i, -1.1 * i).with_spot(80.0 + 6.0 * i, 90.0 + i, 14.0).taken(&waves)
+        })
+        .collect();
+    check_memory(&frames);
+}
+
+#[test]
+fn nor_is_anything_in_large_frames_whose_coarsest_level_is_halved_for_the_search() {
+    let texture = Texture::natural(1024, 35.0, 2);
+    let frames: Vec<Picture> = (0..4i64)
+        .map(|i| {
+            let disc = Disc { centre: (300 + 7 * i, 400), side: 90 };
+            texture.with_disc((800, 780), ([0, 31, 20, -40][i as usize], 9 * i), disc)
+        })
+        .collect();
+    check_memory(&frames);
 }
 
 #[test]

@@ -48,7 +48,7 @@ fn warp_plainly(source: &Level, motion: &GlobalMotion, gain: &mut Gain, k: usize
     let spans = (0..out.height)
         .map(|y| {
             let line = &mut out.values[y * out.stride..][..out.stride];
-            warp_row(source, motion, gain.row(k, y), (k, y), line)
+            warp_row(source, motion, gain.row(k, y), ((k, y), (0, 0)), line)
         })
         .collect();
     (out, spans)
@@ -62,7 +62,7 @@ fn warp_row_of_avx2(
     place: (usize, usize),
     line: &mut [i16],
 ) -> Span {
-    warp_row(source, motion, factors, place, line)
+    warp_row(source, motion, factors, (place, (0, 0)), line)
 }
 
 #[multiversion(targets("x86_64+avx2"))]

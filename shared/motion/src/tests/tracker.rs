@@ -125,11 +125,14 @@ fn clutter_is_confirmed(seed: u64, count: usize, confidence: f64) -> bool {
 
 #[test]
 fn random_clutter_hardly_ever_makes_a_target() {
-    for (count, confidence, most) in [(1, 0.2, 0), (MAX_TARGETS, 0.2, 0), (1, 0.5, 500), (MAX_TARGETS, 0.5, 500)] {
+    // Measured: 0, 0, 0, 0 and 4 of 500. One chance meeting confirms a track only from 0.8 on.
+    let most = MAX_TARGETS;
+    let cases = [(1, 0.2, 0), (most, 0.2, 0), (most, 0.5, 0), (most, 0.7, 2), (1, 0.8, 12)];
+    for (count, confidence, bound) in cases {
         let run = |seed: &u64| clutter_is_confirmed(*seed, count, confidence);
         let confirmed = (0..500).filter(run).count();
         println!("{count} per frame of {confidence}: {confirmed} of 500 runs of 200 frames");
-        assert!(confirmed <= most, "{count} of {confidence}: {confirmed} of 500 runs made a target");
+        assert!(confirmed <= bound, "{count} of {confidence}: {confirmed} of 500 runs made a target");
     }
 }
 

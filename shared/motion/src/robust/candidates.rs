@@ -3,7 +3,7 @@
 
 use super::competition::{LevelPair, MAX_CANDIDATES, MAX_PATCH, Winner};
 use super::confidence;
-use super::evidence::Map;
+use super::evidence::Area;
 use super::findings::{Candidate, Findings};
 use super::model::GlobalMotion;
 use super::patch::{Place, RUN};
@@ -19,9 +19,6 @@ const SMALL: i32 = 16;
 /// A mask that explains less than this is noise, and its patch does not grow.
 const WORTH_GROWING: f32 = 0.3;
 
-/// Columns and rows (first, end), base px (pixels of level 1).
-type Area = [(i32, i32); 2];
-
 impl RobustEngine {
     /// The blobs over the threshold, and the motion of each.
     pub(super) fn find_candidates(&mut self, findings: &mut Findings) {
@@ -30,7 +27,7 @@ impl RobustEngine {
         for turn in 0..MAX_TARGETS {
             let mut best = (0.0f32, 0, 0);
             for (index, map) in self.evidence.maps.iter().enumerate() {
-                let (z, cell) = map.peak(|cell| !taken[..turn].iter().any(|area| covers(area, map, cell)));
+                let (z, cell) = map.peak(&taken[..turn]);
                 if z > best.0 {
                     best = (z, index, cell);
                 }
@@ -78,19 +75,14 @@ impl RobustEngine {
         candidate.evidence = evidence;
         let (mut cells, mut loud) = (0, 0);
         for map in &self.evidence.maps {
-            let (peak, _) = map.peak(|cell| covers(area, map, cell));
+            let survey = map.survey(area);
             let own =
                 if map.untuned { &mut candidate.residual_evidence } else { &mut candidate.votes_evidence };
-            *own = own.max(f64::from(peak));
-            let (peak, _) = map.peak(|cell| !covers(area, map, cell));
-            candidate.rival = candidate.rival.max(f64::from(peak));
+            *own = own.max(f64::from(survey.inside));
+            candidate.rival = candidate.rival.max(f64::from(survey.outside));
             if map.cell == 2 * self.evidence.cell() {
-                for (cell, value) in map.values.iter().enumerate() {
-                    if !covers(area, map, cell) {
-                        cells += 1;
-                        loud += usize::from(*value > 0.5 * map.threshold);
-                    }
-                }
+                cells += survey.cells;
+                loud += survey.loud;
             }
         }
         candidate.clutter = loud as f64 / usize::max(cells, 1) as f64;
@@ -244,15 +236,6 @@ impl RobustEngine {
             ..Candidate::default()
         }
     }
-}
-
-/// Whether the cell's middle lies in the box.
-fn covers(area: &Area, map: &Map, cell: usize) -> bool {
-    let middle = |i: usize| (i * map.cell + map.cell / 2) as i32;
-    let inside = |(first, end): (i32, i32), x: i32| first <= x && x < end;
-    // One cell around it is still its window.
-    let wide = |(first, end): (i32, i32)| (first - map.cell as i32, end + map.cell as i32);
-    inside(wide(area[0]), middle(cell % map.columns)) && inside(wide(area[1]), middle(cell / map.columns))
 }
 
 /// The vote-weighted mean of the nominal velocities, full-resolution px per pair.

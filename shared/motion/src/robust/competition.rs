@@ -236,7 +236,7 @@ impl Competition {
             // r0 + r1 = 2 r0 - (r0 - r1); outside of the valid columns both are 0.
             *t = 2.0 * rest - better;
         }
-        let kernel: &[f32] = if self.small { &GAUSSIAN_1_5 } else { &GAUSSIAN_3 };
+        let kernel: &[f32] = if self.small { &GAUSSIAN_1_5 } else { &GAUSSIAN_2 };
         blur(&self.better, place, kernel, &mut self.blurred, &mut self.lines);
         blur(&self.trial, place, kernel, &mut self.total, &mut self.lines);
         for (z, total) in self.blurred[..n].iter_mut().zip(&self.total) {
@@ -297,9 +297,6 @@ impl Competition {
     }
 }
 
-/// Half kernels of unit sum: the Gaussian of sigma 3 px to radius 8, of sigma 1.5 to radius 4.
-#[rustfmt::skip]
-const GAUSSIAN_3: [f32; 9] = [
-    0.13357, 0.12635, 0.10696, 0.081015, 0.054913, 0.033306, 0.018077, 0.0087794, 0.0038155,
-];
+/// Half kernels of unit sum: the Gaussian of sigma 2 px to radius 6, of sigma 1.5 to radius 4.
+const GAUSSIAN_2: [f32; 7] = [0.199676, 0.176213, 0.121109, 0.064825, 0.027023, 0.008773, 0.002218];
 const GAUSSIAN_1_5: [f32; 5] = [0.26656, 0.21344, 0.10959, 0.036075, 0.0076144];

@@ -36,16 +36,77 @@ pub(crate) struct Map {
     pub(crate) untuned: bool,
 }
 
+/// What a map holds inside of a box and elsewhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Survey {
+    /// Largest evidence over the threshold inside.
+    pub(crate) inside: f32,
+    /// The same elsewhere.
+    pub(crate) outside: f32,
+    /// Cells elsewhere, and those of them whose evidence is above half of the threshold.
+    pub(crate) cells: usize,
+    pub(crate) loud: usize,
+}
+
+/// Columns and rows (first, end), base px (pixels of level 1).
+pub(crate) type Area = [(i32, i32); 2];
+
 impl Map {
-    /// Largest evidence over the threshold, and its cell.
-    pub(crate) fn peak(&self, allowed: impl Fn(usize) -> bool) -> (f32, usize) {
+    /// The columns and rows (first, end) of the cells whose window reaches into the box.
+    fn covered(&self, area: &Area) -> [(usize, usize); 2] {
+        let side = self.cell as i32;
+        // A cell counts where its middle is in the box or at most a cell beside it.
+        let index = |edge: i32, count: usize| {
+            (edge - side / 2 + side - 1).div_euclid(side).clamp(0, count as i32) as usize
+        };
+        let axis = |(first, end): (i32, i32), count| (index(first - side, count), index(end + side, count));
+        [axis(area[0], self.columns), axis(area[1], self.rows)]
+    }
+
+    /// Largest evidence over the threshold, and its cell, outside of the boxes.
+    pub(crate) fn peak(&self, taken: &[Area]) -> (f32, usize) {
         let mut best = (0.0, 0);
-        for (cell, &value) in self.values.iter().enumerate() {
-            if value > best.0 && allowed(cell) {
-                best = (value, cell);
+        for (y, row) in self.values.chunks_exact(self.columns).enumerate() {
+            for (x, &value) in row.iter().enumerate() {
+                if value > best.0 && !taken.iter().any(|area| self.covers(area, x, y)) {
+                    best = (value, y * self.columns + x);
+                }
             }
         }
         (best.0 / self.threshold, best.1)
+    }
+
+    fn covers(&self, area: &Area, x: usize, y: usize) -> bool {
+        let [columns, rows] = self.covered(area);
+        (columns.0..columns.1).contains(&x) && (rows.0..rows.1).contains(&y)
+    }
+
+    /// What there is inside of the box and elsewhere.
+    pub(crate) fn survey(&self, area: &Area) -> Survey {
+        let [columns, rows] = self.covered(area);
+        let mut survey = Survey::default();
+        let half = 0.5 * self.threshold;
+        let mut elsewhere = |cells: &[f32], survey: &mut Survey| {
+            for &value in cells {
+                survey.outside = if value > survey.outside { value } else { survey.outside };
+                survey.loud += usize::from(value > half);
+            }
+            survey.cells += cells.len();
+        };
+        for (y, row) in self.values.chunks_exact(self.columns).enumerate() {
+            if (rows.0..rows.1).contains(&y) {
+                elsewhere(&row[..columns.0], &mut survey);
+                elsewhere(&row[columns.1..], &mut survey);
+                for &value in &row[columns.0..columns.1] {
+                    survey.inside = survey.inside.max(value);
+                }
+            } else {
+                elsewhere(row, &mut survey);
+            }
+        }
+        survey.inside /= self.threshold;
+        survey.outside /= self.threshold;
+        survey
     }
 }
 
@@ -122,7 +183,7 @@ impl Evidence {
             norms: std::array::from_fn(|_| vec![0; padded]),
             energy: std::array::from_fn(|_| vec![0; padded]),
             smooth: std::array::from_fn(|_| vec![0.0; cells]),
-            column: vec![0.0; sums[0].columns + 3],
+            column: vec![0.0; sums[0].columns + 4],
             counts: vec![0; BINS],
             sums,
         }
@@ -385,19 +446,22 @@ fn reduce(
     line: &mut [f32],
 ) {
     const TAPS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
-    // Cell x of the finer scale lies at x + 1.
-    let line = &mut line[..w + 3];
+    // Cell x of the finer scale lies at x + 1; what is beyond is 0.
+    let line = &mut line[..2 * columns.max(w / 2) + 4];
+    line.fill(0.0);
     for gy in 0..rows {
-        line.fill(0.0);
+        let row = |j: usize| (2 * gy + j).checked_sub(1).filter(|y| *y < h).map(|y| &finer[y * w..][..w]);
+        let inner = &mut line[1..=w];
+        inner.fill(0.0);
         for (j, tap) in TAPS.into_iter().enumerate() {
-            let Some(y) = (2 * gy + j).checked_sub(1).filter(|y| *y < h) else { continue };
-            for (sum, value) in line[1..=w].iter_mut().zip(&finer[y * w..]) {
+            let Some(row) = row(j) else { continue };
+            for (sum, value) in inner.iter_mut().zip(row) {
                 *sum += tap * value;
             }
         }
-        for (gx, out) in coarser[gy * columns..][..columns].iter_mut().enumerate() {
-            let at: &[f32; 4] = line[2 * gx..].first_chunk().expect("two cells beyond the last");
-            *out = TAPS[0] * (at[0] + at[3]) + TAPS[1] * (at[1] + at[2]);
+        let pairs = line.as_chunks::<2>().0;
+        for (out, pair) in coarser[gy * columns..][..columns].iter_mut().zip(pairs.windows(2)) {
+            *out = TAPS[0] * (pair[0][0] + pair[1][1]) + TAPS[1] * (pair[0][1] + pair[1][0]);
         }
     }
 }

@@ -108,34 +108,34 @@ pub(crate) fn blur(values: &[f32], place: Place, kernel: &[f32], out: &mut [f32]
     sum[PAD + w..].fill(0.0);
     for y in 0..h {
         let mut rows: [(&[f32], &[f32]); PAD] = [(&[], &[]); PAD];
-        for d in 1..kernel.len() {
+        for (d, pair) in rows.iter_mut().enumerate().take(kernel.len()).skip(1) {
             let before = if y >= d { &values[(y - d) * w..][..w] } else { &*zeros };
             let after = if y + d < h { &values[(y + d) * w..][..w] } else { &*zeros };
-            rows[d] = (before, after);
+            *pair = (before, after);
         }
         let middle = &values[y * w..][..w];
         for x in (0..w).step_by(RUN) {
             let mut total = run(middle, x);
-            for l in 0..RUN {
-                total[l] *= kernel[0];
+            for value in &mut total {
+                *value *= kernel[0];
             }
-            for d in 1..kernel.len() {
-                let (before, after) = (run(rows[d].0, x), run(rows[d].1, x));
+            for (&(before, after), &weight) in rows.iter().zip(kernel).skip(1) {
+                let (before, after) = (run(before, x), run(after, x));
                 for l in 0..RUN {
-                    total[l] += kernel[d] * (before[l] + after[l]);
+                    total[l] += weight * (before[l] + after[l]);
                 }
             }
             sum[PAD + x..][..RUN].copy_from_slice(&total);
         }
         for x in (0..w).step_by(RUN) {
             let mut total = run(sum, PAD + x);
-            for l in 0..RUN {
-                total[l] *= kernel[0];
+            for value in &mut total {
+                *value *= kernel[0];
             }
-            for d in 1..kernel.len() {
+            for (d, &weight) in (1..).zip(&kernel[1..]) {
                 let (left, right) = (run(sum, PAD + x - d), run(sum, PAD + x + d));
                 for l in 0..RUN {
-                    total[l] += kernel[d] * (left[l] + right[l]);
+                    total[l] += weight * (left[l] + right[l]);
                 }
             }
             out[y * w + x..][..RUN].copy_from_slice(&total);

@@ -10,6 +10,8 @@ pub(crate) const MAX_SHORTER: usize = 96;
 const REACH_SHARE: usize = 5;
 /// Lanes of the correlation.
 const RUN: usize = 16;
+/// Rows of a template of which every second one is looked at.
+const MANY_ROWS: usize = 36;
 /// A second peak is a candidate where its correlation is within this of the best.
 const RIVAL: f32 = 0.15;
 /// ... and at least so far away, px of the picture.
@@ -125,10 +127,12 @@ fn correlate(search: &mut Search, inner: (usize, usize)) {
     let padded = inner.0.next_multiple_of(RUN);
     let columns = 2 * search.reach.0 + 1;
     let n = (inner.0 * inner.1) as f64;
+    // Neighbouring rows say much the same: of a large template every second one is enough.
+    let step = if inner.1 >= MANY_ROWS { 2 } else { 1 };
     for place in 0..search.scores.len() {
         let (x, y) = (place % columns, place / columns);
         let mut sums = [0i32; RUN];
-        for row in 0..inner.1 {
+        for row in (0..inner.1).step_by(step) {
             let line = &search.picture[(y + row) * search.stride + x..][..padded];
             let template = &search.template[row * padded..][..padded];
             let (line, template) = (line.as_chunks::<RUN>().0, template.as_chunks::<RUN>().0);
@@ -144,7 +148,8 @@ fn correlate(search: &mut Search, inner: (usize, usize)) {
         search.scores[place] = (product as f64 / deviation.sqrt()) as f32;
     }
     // The template's own deviation is the same for all places: divide, so that scores are correlations.
-    let own: f64 = search.template[..padded * inner.1].iter().map(|&t| f64::from(t) * f64::from(t)).sum();
+    let rows = search.template.chunks_exact(padded).take(inner.1).step_by(step);
+    let own: f64 = rows.flatten().map(|&t| f64::from(t) * f64::from(t)).sum();
     let scale = 1.0 / own.max(1.0).sqrt() as f32;
     search.scores.iter_mut().for_each(|score| *score *= scale);
 }

@@ -32,8 +32,8 @@ pub(crate) fn warp(
 }
 
 /// Rows between the beginnings of bands, and rows of a band: a sample of a level that costs a third.
-const BAND_PERIOD: usize = 32;
-const BAND_ROWS: usize = 12;
+const BAND_PERIOD: usize = 16;
+const BAND_ROWS: usize = 10;
 
 /// As [`warp`], but only bands of rows; nothing of the others is valid.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]

@@ -17,6 +17,7 @@ pub(crate) mod evidence;
 mod findings;
 pub(crate) mod fit;
 pub(crate) mod gain;
+pub(crate) mod map;
 pub mod model;
 pub mod parameters;
 pub(crate) mod patch;

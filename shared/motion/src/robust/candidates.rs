@@ -3,8 +3,8 @@
 
 use super::competition::{LevelPair, MAX_CANDIDATES, MAX_PATCH, Winner};
 use super::confidence;
-use super::evidence::Area;
 use super::findings::{Candidate, Findings};
+use super::map::Area;
 use super::model::GlobalMotion;
 use super::patch::{Place, RUN};
 use super::{MAX_TARGETS, RobustEngine};

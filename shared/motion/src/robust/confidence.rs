@@ -18,7 +18,7 @@ const CLUTTER: f64 = -9.09;
 const SPEED: f64 = -1.62;
 const AREA: f64 = 0.62;
 /// Keeps false alarms near 1 % of the pairs without target at a confidence of 0.5.
-const CAUTION: f64 = 0.2;
+const CAUTION: f64 = 0.6;
 /// Evidence below this counts as this.
 const LEAST: f64 = 0.05;
 /// Quieter surroundings than this say no more.

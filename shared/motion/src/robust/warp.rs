@@ -129,7 +129,12 @@ fn valid_columns(source: &Level, row: &Row, y: usize, guess: Span) -> Span {
         let (u, v) = row.at(x as u32 as f32);
         let within =
             |s: f32, side: usize| (s >= MARGIN as f32) & (s < side as u32 as f32 - 1.0 - MARGIN as f32);
-        within(x as u32 as f32 - u, source.width) & within(y as u32 as f32 - v, source.height)
+        // Also the newer level is blurred with its border.
+        let own = |i: usize, side: usize| (i >= MARGIN as usize) & (i + (MARGIN as usize) < side);
+        within(x as u32 as f32 - u, source.width)
+            & within(y as u32 as f32 - v, source.height)
+            & own(x, source.width)
+            & own(y, source.height)
     };
     // Displacements change slowly along a row, so that the valid columns are an interval. Its ends are
     // mostly where they were in the row above, or beside it.

@@ -173,6 +173,7 @@ impl Detector {
         match (PairOutcome::from_number(self.votes.outcome), self.best_candidate()) {
             (Some(PairOutcome::Frozen), _) => "this frame is the one before once more".to_owned(),
             (Some(PairOutcome::Featureless), _) => "nothing in the frames could be seen moving".to_owned(),
+            (Some(PairOutcome::Unexplained), _) => "no motion of a camera explains the pair".to_owned(),
             (_, Some(best)) => format!("the best guess has a confidence of {:.2}", best.confidence),
             (_, None) => "nothing moves but the camera".to_owned(),
         }

@@ -88,6 +88,13 @@ fn each_image_gives_one_json_line_and_the_target_is_found() {
         let mut found: Vec<&str> = line.as_object().unwrap().keys().map(String::as_str).collect();
         found.sort_unstable();
         assert_eq!(found, keys);
+        for answer in ["target", "pair"].map(|key| &line[key]).into_iter().filter(|answer| !answer.is_null())
+        {
+            let numbers = ["u", "v", "vu", "vv", "confidence", "area_px", "velocity_sd"];
+            assert!(numbers.iter().all(|key| answer[key].is_f64()), "{answer}");
+            assert_eq!(answer["position_covariance"].as_array().unwrap().len(), 3, "{answer}");
+            assert!(answer["coasting"].is_boolean() && answer.get("track").is_some(), "{answer}");
+        }
         assert_eq!(line["frame"], frame);
         assert_eq!(line["file"], format!("f{frame}.png"));
         assert!(line["background"]["vu"].is_f64() && line["us"]["votes"].is_f64());
@@ -186,5 +193,16 @@ fn a_reader_that_goes_away_is_no_error() {
     let folder = Folder::with_frames("closed", 2);
     for json in [true, false] {
         assert!(run(&folder.options(json), &detection(), &mut Closed).is_ok());
+    }
+}
+
+#[test]
+fn with_each_part_of_the_detector_switched_off_every_frame_is_answered() {
+    let folder = Folder::with_frames("parts", 4);
+    for part in ["light", "search", "competition", "symmetric", "untuned"] {
+        let detection = crate::check::detection(None, &[format!("vision.{part}=false")]).unwrap();
+        let mut out = Vec::new();
+        run(&folder.options(true), &detection, &mut out).unwrap();
+        assert_eq!(String::from_utf8(out).unwrap().lines().count(), 4, "without {part}");
     }
 }

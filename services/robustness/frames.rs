@@ -22,6 +22,7 @@ struct Sheet {
 #[derive(Serialize)]
 struct FrameTruth {
     position: Option<[f64; 2]>,
+    centre: Option<[f64; 2]>,
     area_px: f64,
     velocity: [f64; 2],
     relative_velocity: [f64; 2],
@@ -50,7 +51,7 @@ pub fn write(folder: &Path, case: &Case, seed: u64, film: &Film) -> Result<(), S
 
 impl From<&Truth> for FrameTruth {
     fn from(truth: &Truth) -> FrameTruth {
-        let &Truth { position, area_px, velocity, relative_velocity, background, .. } = truth;
-        FrameTruth { position, area_px, velocity, relative_velocity, background }
+        let &Truth { position, centre, area_px, velocity, relative_velocity, background, .. } = truth;
+        FrameTruth { position, centre, area_px, velocity, relative_velocity, background }
     }
 }

@@ -10,7 +10,7 @@ pub mod step;
 use config::Config;
 use pursuit_bus::{FrameMessage, FrameSubscriber, Message, wait};
 use pursuit_messages::topics::{Targets, VoteFields};
-use pursuit_messages::{Service, Stage, Stamp};
+use pursuit_messages::{Service, Stage, Stamp, VisionMode};
 use pursuit_runtime::checkpoint::Checkpoint;
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
@@ -45,6 +45,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         recent.take_all(&frames)?;
         if let Some((message, passed)) = votes.newest()? {
             station.health.skipped += passed;
+            station.health.skipped += u64::from(pending.is_some());
             let since = pending.take().map_or_else(monotonic_ns, |(_, since)| since);
             pending = Some((message, since));
             // The frame was sent before its votes; look again before deciding that it is missing.
@@ -59,7 +60,9 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             continue;
         }
         let mut target = segmenter.step(message.stamp(), message.payload(), frame);
-        checkpoint.save_value(segmenter.memory())?;
+        if message.payload().mode == VisionMode::Robust as u32 {
+            checkpoint.save_value(segmenter.memory())?;
+        }
         let end = monotonic_ns();
         target.segmentation_ns = end - begin;
         let stamp = message.stamp().extended(Service::Segmentation, Stage::Segment, begin, end);
@@ -73,8 +76,10 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
 /// Goes on with the tracks of before a kill, if there were any and the parameters are the same.
 fn restore(saved: Option<Vec<u8>>, segmenter: &mut Segmenter) {
     let memory: Option<Memory> = saved.and_then(|bytes| postcard::from_bytes(&bytes).ok());
-    if memory.is_some_and(|memory| segmenter.resume(memory)) {
-        tracing::info!("going on with the tracks of before");
+    match memory.map(|memory| segmenter.resume(memory)) {
+        Some(true) => tracing::info!("going on with the tracks of before"),
+        Some(false) => tracing::warn!("the saved tracks have other parameters: starting without any"),
+        None => {}
     }
 }
 

@@ -26,6 +26,8 @@ pub struct Segmenter {
 pub struct Memory {
     /// Epoch and number of the last frame.
     frame: Option<(u64, u64)>,
+    /// Frames from the one before to that.
+    gap: u32,
     before: Tracker,
     after: Tracker,
 }
@@ -33,21 +35,35 @@ pub struct Memory {
 impl Memory {
     fn new(parameters: &TrackerParameters) -> Memory {
         let tracker = Tracker::new(parameters);
-        Memory { frame: None, before: tracker.clone(), after: tracker }
+        Memory { frame: None, gap: 0, before: tracker.clone(), after: tracker }
     }
 
-    /// The tracks as they were before this frame.
-    fn open(&mut self, frame: (u64, u64)) -> &mut Tracker {
-        match self.frame {
-            Some(last) if last == frame => self.after.clone_from(&self.before),
-            Some((epoch, number)) if epoch == frame.0 && number < frame.1 => {
-                self.before.clone_from(&self.after);
+    /// Takes in what was found in a frame of an epoch.
+    fn take(&mut self, frame: (u64, u64), findings: &Findings, interval: u32) -> &Tracker {
+        let again = self.frame.filter(|last| last.0 == frame.0 && frame.1 <= last.1);
+        let gap = match self.frame {
+            // A restarted vision begins with frames that were answered before: without a pair, or out of
+            // order, they tell nothing new.
+            _ if again.is_some_and(|last| last != frame || findings.outcome == Outcome::NoPair) => {
+                return &self.after;
             }
-            // Another epoch, or time that runs backward: nothing that was known holds.
-            _ => *self = Memory::new(self.after.parameters()),
-        }
-        self.frame = Some(frame);
-        &mut self.after
+            _ if again.is_some() => {
+                self.after.clone_from(&self.before);
+                self.gap
+            }
+            Some((epoch, number)) if epoch == frame.0 => {
+                self.before.clone_from(&self.after);
+                u32::try_from(frame.1 - number).unwrap_or(u32::MAX)
+            }
+            // Another epoch: nothing that was known holds.
+            _ => {
+                *self = Memory::new(self.after.parameters());
+                interval
+            }
+        };
+        (self.frame, self.gap) = (Some(frame), gap);
+        self.after.step_after(findings, interval, gap);
+        &self.after
     }
 }
 
@@ -123,8 +139,7 @@ impl Segmenter {
     fn decide(&mut self, frame: (u64, u64), votes: &Votes, target: &mut Target) {
         let (width, height) = (self.shape.width as usize, self.shape.height as usize);
         let findings = findings(votes, width, height);
-        let tracker = self.memory.open(frame);
-        tracker.step(&findings, votes.interval);
+        let tracker = self.memory.take(frame, &findings, votes.interval);
         let per_frame = 1.0 / f64::from(votes.interval.max(1));
         if let Some(found) = findings.target(self.decision.confidence) {
             target.motion = candidate_message(found, per_frame);
@@ -133,10 +148,17 @@ impl Segmenter {
             target.track = track_message(track);
             target.track_id = track.id;
         }
-        let surest = tracker.target().or_else(|| tracker.tracks().next());
-        target.track_phase = surest.map_or(TrackPhase::Lost, |track| phase(track.state)) as u32;
-        (target.background_u, target.background_v) =
-            (votes.background_u * per_frame, votes.background_v * per_frame);
+        let best = |a: &&Track, b: &&Track| a.existence.total_cmp(&b.existence);
+        let surest = tracker.target().or_else(|| tracker.tracks().max_by(best));
+        let mut phase = surest.map_or(TrackPhase::Lost, |track| phase(track.state));
+        if phase == TrackPhase::Confirmed && findings.outcome != Outcome::Answered {
+            // A camera that sends the same frame again and again shows nothing: the arm must not follow it.
+            phase = TrackPhase::Coasting;
+        }
+        target.track_phase = phase as u32;
+        let (width, height) = (width as f64, height as f64);
+        let (u, v) = findings.background.at((width - 1.0) / 2.0, (height - 1.0) / 2.0);
+        (target.background_u, target.background_v) = (u * per_frame, v * per_frame);
     }
 }
 
@@ -151,9 +173,14 @@ fn phase(state: TrackState) -> TrackPhase {
 /// What vision found, out of a message; numbers that cannot be are none.
 fn findings(votes: &Votes, width: usize, height: usize) -> Findings {
     let mut background = GlobalMotion::still(width, height);
-    background.coefficients = votes.motion;
+    if votes.motion.iter().all(|a| a.is_finite()) {
+        background.coefficients = votes.motion;
+    }
     let outcome = match PairOutcome::from_number(votes.outcome) {
-        Some(PairOutcome::Answered) if votes.valid == 1 && background.is_finite() => Outcome::Answered,
+        Some(PairOutcome::Answered) if votes.valid == 1 && background.coefficients == votes.motion => {
+            Outcome::Answered
+        }
+        Some(PairOutcome::Unexplained) => Outcome::Unexplained,
         Some(PairOutcome::Frozen) => Outcome::Frozen,
         Some(PairOutcome::Featureless) => Outcome::Featureless,
         _ => Outcome::NoPair,
@@ -163,13 +190,15 @@ fn findings(votes: &Votes, width: usize, height: usize) -> Findings {
         background,
         candidates: [Candidate::default(); MAX_TARGETS],
         count: 0,
-        evidence: votes.evidence,
+        evidence: if votes.evidence.is_finite() { votes.evidence } else { 0.0 },
     };
     for told in votes.candidates.iter().take(votes.candidate_count as usize) {
         let [uu, uv, vv] = told.position_covariance;
-        let numbers =
-            [told.u, told.v, told.vu, told.vv, told.relative[0], told.relative[1], told.area_px, uv];
-        let sane = numbers.iter().all(|number| number.is_finite())
+        let [ru, rv] = told.relative;
+        let motion = [told.u, told.v, told.vu, told.vv, ru, rv];
+        let rest = [told.area_px, told.evidence, told.explained, told.velocity_sd, uu, uv, vv];
+        let sane = motion.iter().chain(&rest).all(|number| number.is_finite())
+            && told.area_px >= 0.0
             && (0.0..=1.0).contains(&told.confidence)
             && uu > 0.0
             && uu * vv > uv * uv
@@ -269,6 +298,7 @@ fn message(found: &pursuit_motion::Detection, per_frame: f64) -> Detection {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use pursuit_config::{Checker, Document};
@@ -333,5 +363,118 @@ mod tests {
             votes = sound;
         }
         assert_eq!(segmenter.answer((1, 1), &votes, None).motion.found, 1);
+    }
+
+    /// Robust mode: something sure at u, over a pair.
+    fn sighting(u: f64) -> Votes {
+        let mut votes = Votes {
+            valid: 1,
+            mode: VisionMode::Robust as u32,
+            outcome: PairOutcome::Answered as u32,
+            interval: 1,
+            candidate_count: 1,
+            ..Votes::default()
+        };
+        votes.candidates[0] = pursuit_messages::Candidate {
+            u,
+            v: 100.0,
+            vu: 4.0,
+            relative: [4.0, 0.0],
+            area_px: 400.0,
+            confidence: 0.99,
+            position_covariance: [1.0, 0.0, 1.0],
+            velocity_sd: 0.2,
+            evidence: 4.0,
+            explained: 0.9,
+            ..pursuit_messages::Candidate::default()
+        };
+        votes
+    }
+
+    #[test]
+    fn a_frame_that_is_asked_for_again_gets_the_same_answer() {
+        let mut segmenter = segmenter();
+        segmenter.answer((1, 1), &sighting(50.0), None);
+        let first = segmenter.answer((1, 2), &sighting(54.0), None);
+        assert_eq!(segmenter.answer((1, 2), &sighting(54.0), None), first);
+        assert_eq!(first.track_phase, TrackPhase::Confirmed as u32);
+    }
+
+    #[test]
+    fn a_vision_that_starts_anew_takes_no_track_away() {
+        let mut segmenter = segmenter();
+        segmenter.answer((1, 1), &sighting(50.0), None);
+        let before = segmenter.answer((1, 2), &sighting(54.0), None);
+        // It begins with the frame before, which it has no pair for.
+        let nothing = Votes { mode: VisionMode::Robust as u32, ..Votes::default() };
+        segmenter.answer((1, 1), &nothing, None);
+        assert_eq!(segmenter.answer((1, 2), &sighting(54.0), None), before);
+        let after = segmenter.answer((1, 3), &sighting(58.0), None);
+        assert_eq!(after.track_id, before.track_id);
+    }
+
+    #[test]
+    fn another_epoch_begins_without_tracks() {
+        let mut segmenter = segmenter();
+        let first = segmenter.answer((1, 7), &sighting(50.0), None);
+        let nothing = Votes { candidate_count: 0, ..sighting(0.0) };
+        assert_eq!(segmenter.answer((2, 1), &nothing, None).track.found, 0);
+        assert_eq!(first.track.found, 1);
+    }
+
+    #[test]
+    fn a_track_in_frames_that_are_frozen_is_a_guess() {
+        let mut segmenter = segmenter();
+        segmenter.answer((1, 1), &sighting(50.0), None);
+        let frozen = Votes { outcome: PairOutcome::Frozen as u32, candidate_count: 0, ..sighting(0.0) };
+        let target = segmenter.answer((1, 2), &frozen, None);
+        assert_eq!((target.track.found, target.track_phase), (1, TrackPhase::Coasting as u32));
+    }
+
+    #[test]
+    fn frames_that_were_passed_over_do_not_break_a_track() {
+        let mut segmenter = segmenter();
+        let first = segmenter.answer((1, 1), &sighting(50.0), None);
+        // Four frames on, 4 px each; the pair that is told of is of the last interval.
+        let after = segmenter.answer((1, 5), &sighting(66.0), None);
+        assert_eq!((after.track_id, after.track_phase), (first.track_id, TrackPhase::Confirmed as u32));
+        assert!((after.track.u - 66.0).abs() < 1.0, "{:?}", after.track);
+    }
+
+    #[test]
+    fn saved_tracks_go_on_where_they_were_but_not_with_other_parameters() {
+        let mut first = segmenter();
+        first.answer((1, 1), &sighting(50.0), None);
+        let bytes = postcard::to_allocvec(first.memory()).unwrap();
+        let memory: Memory = postcard::from_bytes(&bytes).unwrap();
+        let mut second = segmenter();
+        assert!(second.resume(memory.clone()));
+        assert_eq!(second.answer((1, 2), &sighting(54.0), None), first.answer((1, 2), &sighting(54.0), None));
+        let mut other = segmenter();
+        other.decision.tracker.gate = 5.0;
+        assert!(!other.resume(memory));
+    }
+
+    #[test]
+    fn candidates_that_cannot_be_are_none() {
+        let spoil: [fn(&mut pursuit_messages::Candidate); 8] = [
+            |c| c.u = f64::NAN,
+            |c| c.relative[1] = f64::INFINITY,
+            |c| c.confidence = 1.5,
+            |c| c.confidence = f64::NAN,
+            |c| c.position_covariance = [1.0, 2.0, 1.0],
+            |c| c.position_covariance[2] = f64::INFINITY,
+            |c| c.velocity_sd = 0.0,
+            |c| c.area_px = -1.0,
+        ];
+        for (i, spoil) in spoil.into_iter().enumerate() {
+            let mut votes = sighting(50.0);
+            spoil(&mut votes.candidates[0]);
+            let target = segmenter().answer((1, 1), &votes, None);
+            assert_eq!((target.motion.found, target.track.found), (0, 0), "spoilt in way {i}");
+        }
+        let mut votes = sighting(50.0);
+        votes.candidate_count = u32::MAX;
+        assert_eq!(segmenter().answer((1, 1), &votes, None).motion.found, 1, "others are not finite: none");
     }
 }

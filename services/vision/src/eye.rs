@@ -93,6 +93,7 @@ fn detect(
         Outcome::Answered => PairOutcome::Answered,
         Outcome::Frozen => PairOutcome::Frozen,
         Outcome::Featureless => PairOutcome::Featureless,
+        Outcome::Unexplained => PairOutcome::Unexplained,
     } as u32;
     tell_candidates(&findings, votes);
 }

@@ -157,12 +157,20 @@ pub enum PairOutcome {
     Frozen = 2,
     /// Nothing in the frames that could be seen moving.
     Featureless = 3,
+    /// No motion of a camera explains the pair.
+    Unexplained = 4,
 }
 
 impl PairOutcome {
     /// The outcome with that number, if there is one.
     pub fn from_number(number: u32) -> Option<PairOutcome> {
-        let all = [PairOutcome::NoPair, PairOutcome::Answered, PairOutcome::Frozen, PairOutcome::Featureless];
+        let all = [
+            PairOutcome::NoPair,
+            PairOutcome::Answered,
+            PairOutcome::Frozen,
+            PairOutcome::Featureless,
+            PairOutcome::Unexplained,
+        ];
         all.into_iter().find(|outcome| *outcome as u32 == number)
     }
 }

@@ -137,8 +137,11 @@ impl RobustEngine {
         if (0..LEVELS).rev().all(|k| self.older.levels[k].values == self.newer.levels[k].values) {
             return Findings { outcome: Outcome::Frozen, ..findings };
         }
-        let Some(background) = self.fit() else {
+        if [&self.older, &self.newer].into_iter().any(|pyramid| is_flat(&pyramid.levels[self.coarsest])) {
             return Findings { outcome: Outcome::Featureless, ..findings };
+        }
+        let Some(background) = self.fit() else {
+            return Findings { outcome: Outcome::Unexplained, ..findings };
         };
         findings.background = background;
         self.compensate(&background);
@@ -207,6 +210,15 @@ impl RobustEngine {
         let level = &self.newer.levels[k];
         (level.width, level.height, level.stride, &level.values)
     }
+}
+
+/// Whether all of a level is within one grey level.
+fn is_flat(level: &Level) -> bool {
+    const GREY: i16 = 16;
+    let rows = || level.values.chunks(level.stride).map(|row| &row[..level.width]);
+    let most = rows().flatten().max().copied().unwrap_or(0);
+    let least = rows().flatten().min().copied().unwrap_or(0);
+    most - least < GREY
 }
 
 /// Halves `level` again and again.

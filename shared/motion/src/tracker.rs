@@ -126,23 +126,41 @@ impl Tracker {
         self.tracks().find(|track| Some(track.id) == self.primary)
     }
 
-    /// Takes in what was found between two frames `interval` frames apart.
+    /// Takes in what was found between two frames `interval` frames apart, the older of which was the newer
+    /// one of the last step.
     pub fn step(&mut self, findings: &Findings, interval: u32) {
+        self.step_after(findings, interval, interval);
+    }
+
+    /// As [`Tracker::step`], `gap` frames after the last step: more than the interval where frames were
+    /// passed over. The background is then taken to have moved on alike.
+    pub fn step_after(&mut self, findings: &Findings, interval: u32, gap: u32) {
         match findings.outcome {
             Outcome::Answered => {}
             // Nothing is known, nothing has moved.
             Outcome::Frozen => return,
-            Outcome::Featureless | Outcome::NoPair => {
+            Outcome::NoPair => {
                 self.tracks = [None; MAX_TRACKS];
                 self.primary = None;
                 return;
             }
+            // Blind for a moment.
+            Outcome::Featureless | Outcome::Unexplained => {
+                self.tracks.iter_mut().flatten().for_each(|track| track.miss(gap.max(1)));
+                self.end();
+                return;
+            }
         }
-        let frames = f64::from(interval.max(1));
+        let (frames, gap) = (f64::from(interval.max(1)), gap.max(1));
         for track in self.tracks.iter_mut().flatten() {
-            track.predict(findings, frames, self.parameters.acceleration);
+            track.predict(findings, (frames, f64::from(gap)), self.parameters.acceleration);
         }
-        self.associate(&findings.candidates[..findings.count], frames);
+        self.associate(&findings.candidates[..findings.count], frames, gap);
+        self.end();
+    }
+
+    /// Forgets what is over, and chooses the target among the rest.
+    fn end(&mut self) {
         for slot in &mut self.tracks {
             if slot.is_some_and(|track| track.is_over(&self.parameters)) {
                 *slot = None;
@@ -152,7 +170,7 @@ impl Tracker {
     }
 
     /// Gives each track, the surest first, the candidate that fits it best; what is left begins tracks.
-    fn associate(&mut self, candidates: &[Candidate], frames: f64) {
+    fn associate(&mut self, candidates: &[Candidate], frames: f64, gap: u32) {
         let parameters = self.parameters;
         let mut free = [true; crate::MAX_TARGETS];
         for (free, candidate) in free.iter_mut().zip(candidates) {
@@ -178,7 +196,7 @@ impl Tracker {
                     free[i] = false;
                     track.update(&candidates[i], frames, &parameters);
                 }
-                None => track.miss(),
+                None => track.miss(gap),
             }
         }
         for (candidate, _) in candidates.iter().zip(free).filter(|(_, free)| *free) {
@@ -229,25 +247,27 @@ impl Track {
         }
     }
 
-    fn predict(&mut self, findings: &Findings, frames: f64, acceleration: f64) {
+    /// Carries the track on over `gap` frames; the findings are of the last `interval` of them.
+    fn predict(&mut self, findings: &Findings, (interval, gap): (f64, f64), acceleration: f64) {
         let [u, v, ru, rv] = self.mean;
         let (bu, bv) = findings.background.forward(u, v);
-        self.velocity = [(bu - u) / frames + ru, (bv - v) / frames + rv];
-        self.mean = [bu + ru * frames, bv + rv * frames, ru, rv];
+        let background = [(bu - u) / interval, (bv - v) / interval];
+        self.velocity = [background[0] + ru, background[1] + rv];
+        self.mean = [u + self.velocity[0] * gap, v + self.velocity[1] * gap, ru, rv];
         let mut transition = Matrix4::identity();
-        transition[(0, 2)] = frames;
-        transition[(1, 3)] = frames;
+        transition[(0, 2)] = gap;
+        transition[(1, 3)] = gap;
         let mut noise = Matrix4::zeros();
-        let q = (acceleration * frames).powi(2);
+        let q = (acceleration * gap).powi(2);
         for i in 0..2 {
-            noise[(i, i)] = q * frames * frames / 4.0;
-            noise[(i, i + 2)] = q * frames / 2.0;
-            noise[(i + 2, i)] = q * frames / 2.0;
+            noise[(i, i)] = q * gap * gap / 4.0;
+            noise[(i, i + 2)] = q * gap / 2.0;
+            noise[(i + 2, i)] = q * gap / 2.0;
             noise[(i + 2, i + 2)] = q;
         }
         let covariance = Matrix4::from(self.covariance);
         self.covariance = (transition * covariance * transition.transpose() + noise).into();
-        self.existence *= 1.0 - DEATH;
+        self.existence *= (1.0 - DEATH).powf(gap);
     }
 
     /// Squared Mahalanobis distance of the candidate's position.
@@ -270,7 +290,7 @@ impl Track {
             noise[(2, 2)] *= 1e4;
             noise[(3, 3)] *= 1e4;
         }
-        let Some(inverse) = (covariance + noise).try_inverse() else { return self.miss() };
+        let Some(inverse) = (covariance + noise).try_inverse() else { return self.miss(1) };
         let gain = covariance * inverse;
         let mean = Vector4::from(self.mean) + gain * innovation;
         let left = Matrix4::identity() - gain;
@@ -289,10 +309,12 @@ impl Track {
         }
     }
 
-    fn miss(&mut self) {
-        self.misses += 1;
-        self.mean[2] *= SLOWING;
-        self.mean[3] *= SLOWING;
+    /// Is not seen, for the first time after `gap` frames.
+    fn miss(&mut self, gap: u32) {
+        self.misses += gap;
+        let slowing = SLOWING.powi(gap.min(1000) as i32);
+        self.mean[2] *= slowing;
+        self.mean[3] *= slowing;
         self.weigh(1.0 - SEEN);
         if self.state == TrackState::Confirmed {
             self.state = TrackState::Coasting;

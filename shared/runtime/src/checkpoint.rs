@@ -127,7 +127,10 @@ fn header(schema: u32, bytes: usize, checksum: u32, sequence: u64) -> [u8; HEADE
     header[16..20].copy_from_slice(&checksum.to_le_bytes());
     // 20..24 guards the header itself, so that a torn header is never believed.
     header[24..32].copy_from_slice(&sequence.to_le_bytes());
-    let guard = crc32fast::hash(&[&header[..20], &header[24..32]].concat());
+    let mut guard = crc32fast::Hasher::new();
+    guard.update(&header[..20]);
+    guard.update(&header[24..32]);
+    let guard = guard.finalize();
     header[20..24].copy_from_slice(&guard.to_le_bytes());
     header
 }

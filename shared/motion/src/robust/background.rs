@@ -11,7 +11,7 @@ use crate::pyramid::LEVELS;
 const STEPS: [usize; LEVELS] = [1, 3, 4];
 
 impl RobustEngine {
-    /// The background's motion; `None` where the image has no structure.
+    /// The background's motion; `None` where none fits.
     pub(super) fn fit(&mut self) -> Option<GlobalMotion> {
         let still = GlobalMotion::still(self.size.0, self.size.1);
         let pixel = f64::from(2u32 << (self.coarsest + self.thumbnails[0].len()));

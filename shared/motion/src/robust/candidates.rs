@@ -95,8 +95,11 @@ impl RobustEngine {
     fn grow_blob(&mut self, index: usize, cell: usize) -> Area {
         const SHARE_OF_THRESHOLD: f32 = 0.7;
         const SHARE_OF_PEAK: f32 = 0.5;
+        const MOST_OF_PEAK: f32 = 0.9;
         let map = &self.evidence.maps[index];
-        let level = (SHARE_OF_THRESHOLD * map.threshold).max(SHARE_OF_PEAK * map.values[cell]);
+        let peak = map.values[cell];
+        // Of a weak peak at least its own cell.
+        let level = (SHARE_OF_THRESHOLD * map.threshold).max(SHARE_OF_PEAK * peak).min(MOST_OF_PEAK * peak);
         self.flood.start(map.columns, map.rows);
         let cells = self.flood.component(cell, |i| map.values[i] > level);
         self.blob.clear();

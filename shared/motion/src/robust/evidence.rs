@@ -205,7 +205,7 @@ fn accumulate(evidence: &mut Evidence, pair: (&Level, &Level), spans: &[Span], k
     for gy in 0..sums.rows {
         let line = gy * sums.columns;
         for top in (gy * cell..(gy + 1) * cell).step_by(strip) {
-            let bottom = (top + strip).min(newer.height - 1);
+            let bottom = (top + strip).min((gy + 1) * cell).min(newer.height - 1);
             if top >= bottom {
                 continue;
             }

@@ -72,6 +72,8 @@ pub enum Outcome {
     NoPair,
     /// Both frames are the same to the last bit: the camera has stopped sending, or nothing is alive.
     Frozen,
-    /// The frames have no structure that could move.
+    /// A frame has no structure that could be seen moving.
     Featureless,
+    /// No motion of a camera explains the pair: a cut, or something in front of the lens.
+    Unexplained,
 }

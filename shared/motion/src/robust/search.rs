@@ -150,6 +150,7 @@ fn correlate(search: &mut Search, inner: (usize, usize)) {
     // The template's own deviation is the same for all places: divide, so that scores are correlations.
     let rows = search.template.chunks_exact(padded).take(inner.1).step_by(step);
     let own: f64 = rows.flatten().map(|&t| f64::from(t) * f64::from(t)).sum();
-    let scale = 1.0 / own.max(1.0).sqrt() as f32;
+    // The product and the template's deviation are over every `step`-th row, the picture's over all.
+    let scale = (step as f64 / own.max(1.0)).sqrt() as f32;
     search.scores.iter_mut().for_each(|score| *score *= scale);
 }

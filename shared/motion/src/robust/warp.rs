@@ -211,10 +211,10 @@ fn look_up_run(source: &Level, run: &Run, factors: &[f32; RUN], values: &mut [i1
     }
 }
 
-/// The nearest whole number; grey levels are not negative.
+/// The nearest whole number within what a level may hold.
 #[inline(always)]
 fn rounded(grey: f32) -> i16 {
-    (grey.min(GREATEST) + WHOLE).to_bits() as i16
+    (grey.clamp(0.0, GREATEST) + WHOLE).to_bits() as i16
 }
 
 /// Greatest value that a derivative still fits 16 bits with: the gain may brighten beyond white.

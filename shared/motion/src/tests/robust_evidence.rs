@@ -55,10 +55,20 @@ fn the_residual_of_an_isotropic_texture_that_moves_by_a_base_pixel_is_its_root_h
 
 #[test]
 fn the_votes_of_all_cells_are_the_sums_of_plain_whole_numbers() {
-    let (width, height) = (256, 128);
-    let texture = Texture::natural(300, 35.0, 6);
+    check_sums(256, 128, 4);
+}
+
+#[test]
+fn they_are_so_where_a_cell_is_no_power_of_two() {
+    // On levels 2 and 3 a cell then has 6 and 3 rows, which strips of 4 do not divide.
+    check_sums(1344, 1344, 12);
+}
+
+fn check_sums(width: usize, height: usize, cell: usize) {
+    let texture = Texture::natural(width.max(height) + 44, 35.0, 6);
     let (older, newer) = (texture.moved(width, height, (0, 0)), texture.moved(width, height, (3, 2)));
     let evidence = evidence(&older, &newer, EvidenceParameters::default());
+    assert_eq!(evidence.cell(), cell);
     let cells: Vec<usize> = (0..evidence.maps[0].values.len()).collect();
     let votes = evidence.votes_over(0, &cells);
     let levels = [oracle::pyramid(&older, (0, 0)), oracle::pyramid(&newer, (0, 0))].map(|levels| {
@@ -72,7 +82,10 @@ fn the_votes_of_all_cells_are_the_sums_of_plain_whole_numbers() {
         let sums = oracle::whole_sums(&levels[0][k], &levels[1][k]);
         let per_cell = ((evidence.cell() >> k) * (evidence.cell() >> k)) as f64;
         let expected = sums[d] as f64 * crate::votes::grey_per_unit(d) / per_cell;
-        let tolerance = 1e-5 * cells.len() as f64;
+        // The octave's limit is off by one unit for 102 of 16 321 gradients (see votes.rs): of half a million
+        // votes one or two may fall on the other side, each of some thousand units.
+        let vote_at_limit = 8000.0 * crate::votes::grey_per_unit(d) / per_cell;
+        let tolerance = 1e-5 * cells.len() as f64 + vote_at_limit;
         assert!((vote - expected).abs() < tolerance, "label {}: {vote}, not {expected}", field + 1);
     }
     assert!(votes.iter().any(|vote| vote.abs() > 10.0), "something to compare");

@@ -228,14 +228,43 @@ fn frozen_frames_change_nothing_and_a_missing_pair_ends_all() {
     let before = tracker.clone();
     tracker.step(&without_pair(Outcome::Frozen), 1);
     assert!(tracker == before, "a frozen frame has changed a track");
-    for outcome in [Outcome::NoPair, Outcome::Featureless] {
-        let mut tracker = before.clone();
+    let mut tracker = before.clone();
+    tracker.step(&without_pair(Outcome::NoPair), 1);
+    assert!(tracker.target().is_none() && tracker.tracks().count() == 0);
+    // Numbers are not given twice.
+    tracker.step(&findings((0.0, 0.0), &[seen(50.0, 50.0, [2.0, 0.0], 0.9)]), 1);
+    assert!(tracker.tracks().all(|track| track.id > 1));
+}
+
+#[test]
+fn a_moment_of_blindness_is_a_miss_and_not_the_end() {
+    for outcome in [Outcome::Featureless, Outcome::Unexplained] {
+        let mut tracker = following();
+        let id = tracker.target().unwrap().id;
         tracker.step(&without_pair(outcome), 1);
-        assert!(tracker.target().is_none() && tracker.tracks().count() == 0, "{outcome:?}");
-        // Numbers are not given twice.
-        tracker.step(&findings((0.0, 0.0), &[seen(50.0, 50.0, [2.0, 0.0], 0.9)]), 1);
-        assert!(tracker.tracks().all(|track| track.id > 1), "{outcome:?}");
+        let track = tracker.target().unwrap();
+        assert_eq!((track.id, track.state, track.misses), (id, TrackState::Coasting, 1), "{outcome:?}");
+        for _ in 0..30 {
+            tracker.step(&without_pair(outcome), 1);
+        }
+        assert!(tracker.target().is_none(), "{outcome:?}");
     }
+}
+
+#[test]
+fn a_track_goes_on_over_frames_that_were_passed_over() {
+    // The background moves by (16, 0) a frame, the target by (3, 0) more; every third pair is seen.
+    let mut tracker = Tracker::new(&TrackerParameters::default());
+    let at = |frame: f64| 40.0 + 19.0 * frame;
+    tracker.step(&findings((16.0, 0.0), &[seen(at(0.0), 60.0, [3.0, 0.0], 0.99)]), 1);
+    for frame in [3.0, 6.0, 9.0] {
+        tracker.step_after(&findings((16.0, 0.0), &[seen(at(frame), 60.0, [3.0, 0.0], 0.99)]), 1, 3);
+        let track = tracker.target().unwrap();
+        assert_eq!((track.id, track.misses), (1, 0), "frame {frame}");
+        assert!((track.mean[0] - at(frame)).abs() < 1.0, "frame {frame}: {:?}", track.mean);
+    }
+    tracker.step_after(&findings((16.0, 0.0), &[]), 1, 4);
+    assert_eq!(tracker.target().unwrap().misses, 4);
 }
 
 #[test]

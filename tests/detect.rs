@@ -419,6 +419,13 @@ fn boxes(meta: &Value, frame: u64) -> Vec<[f64; 4]> {
     }
 }
 
+/// Least share of pairs whose best answer, and whose target, must lie inside the truth, and most false alarms:
+/// what the detector is meant to reach. Its confidence was fitted with these sequences among others, so this
+/// guards against getting worse and measures nothing.
+const BEST_ANSWER_INSIDE: f64 = 0.88;
+const TARGET_INSIDE: f64 = 0.92;
+const FALSE_ALARMS: f64 = 0.05;
+
 #[test]
 fn targets_of_real_sequences_are_found_and_nothing_is_seen_where_nothing_moves() {
     let Some(data) = sequences() else {
@@ -454,7 +461,7 @@ fn targets_of_real_sequences_are_found_and_nothing_is_seen_where_nothing_moves()
     }
     eprintln!("of {pairs} pairs: best answer inside {alone}, target {tracked}; alarms {alarms} of {empty}");
     assert!(pairs > 0 && empty > 0, "the folder holds sequences of both kinds");
-    assert!(f64::from(alone) >= 0.88 * f64::from(pairs), "{alone} of {pairs} pairs");
-    assert!(f64::from(tracked) >= 0.92 * f64::from(pairs), "{tracked} of {pairs} pairs with tracks");
-    assert!(f64::from(alarms) <= 0.05 * f64::from(empty), "{alarms} false alarms in {empty} pairs");
+    assert!(f64::from(alone) >= BEST_ANSWER_INSIDE * f64::from(pairs), "{alone} of {pairs} pairs");
+    assert!(f64::from(tracked) >= TARGET_INSIDE * f64::from(pairs), "{tracked} of {pairs} pairs with tracks");
+    assert!(f64::from(alarms) <= FALSE_ALARMS * f64::from(empty), "{alarms} false alarms in {empty} pairs");
 }

@@ -37,7 +37,7 @@ impl Config {
     }
 }
 
-/// Confidence from which one pair shows a target: at most 1 % false alarms on scenes without one.
+/// Confidence from which one pair shows a target: about 1 % false alarms in sequences without one.
 const CONFIDENCE: f64 = 0.5;
 
 /// Reads `[segmentation]` alone, for who has no camera (`pursuit detect`).

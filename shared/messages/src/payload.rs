@@ -7,7 +7,7 @@ use iceoryx2::prelude::ZeroCopySend;
 pub const JOINTS: usize = 6;
 /// Signed vote fields: 3 scales × 4 directions (paper, section 2.3.1).
 pub const FIELDS: usize = 12;
-/// Most cells of one vote field: 16 along the shorter side, up to 4:1.
+/// Most cells of one vote field.
 pub const MAX_CELLS: usize = 1024;
 /// Most drive cycles one command can cover.
 pub const MAX_CYCLES: usize = 32;
@@ -66,9 +66,9 @@ pub struct Votes {
     pub columns: u32,
     /// Rows of cells.
     pub rows: u32,
-    /// How often the older frame was moved.
+    /// Paper mode: how often the older frame was moved.
     pub passes: u32,
-    /// Whole-pixel shift of the older frame onto the newer, full-resolution px.
+    /// Paper mode: whole-pixel shift of the older frame onto the newer, full-resolution px.
     pub shift_u: i32,
     /// As `shift_u`, downward.
     pub shift_v: i32,
@@ -77,11 +77,12 @@ pub struct Votes {
     /// Frames between the two of the pair: 1 unless some were passed over. All displacements here are
     /// per pair, not per frame.
     pub interval: u32,
-    /// Coherence of each field on the compensated pair, -1..1.
+    /// Paper mode: coherence of each field on the compensated pair, -1..1.
     pub coherence: [f64; FIELDS],
     /// Sum of the absolute coherences.
     pub coherence_sum: f64,
-    /// Displacement of the background over the pair, px (shift plus the damped rest).
+    /// Displacement of the background over the pair, px: in paper mode the shift plus the damped rest, in
+    /// robust mode that in the middle of the image.
     pub background_u: f64,
     /// As `background_u`, downward.
     pub background_v: f64,

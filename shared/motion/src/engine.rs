@@ -31,7 +31,8 @@ pub enum Older<'a> {
 pub enum Part {
     /// The pyramids of the frames as they are.
     Pyramid,
-    /// The estimate of the translation and the pyramid of the shifted frame; once per pass.
+    /// Paper mode: the estimate of the translation and the pyramid of the shifted frame, once per pass. Robust
+    /// mode: the fit of the global motion and the warped levels.
     Compensation,
     /// Derivatives, votes, cells; once more than the passes.
     Votes,

@@ -1,15 +1,20 @@
-//! The motion detector of the paper (section 2), as pure functions: frames in, target out; no clock,
-//! file, log or thread.
+//! The motion detectors, as pure functions: frames in, target out; no clock, file, log or thread.
 //!
 //! ```text
+//! paper (section 2):
 //! frame pair ─► pyramid ─► derivatives ─► 12 votes ─► cells ─► shift ─┐      VoteEngine::vote
 //!                  ▲                                                  │
 //!                  └──────────── compensated older frame ◄────────────┘
 //! vote fields ─► blobs ─► three best ─► threshold ─► target, velocities      segment
+//!
+//! robust: frame pair ─► candidates (picture in robust.rs)                    RobustEngine::detect
+//!         candidates, frame by frame ─► tracks                              Tracker::step
+//!
 //! frame ─► bright component ─► centroid                                     detect_blob
 //! ```
 //!
-//! Votes are whole numbers up to the cells: the fields are the same to the bit on every processor.
+//! Votes are whole numbers up to the cells: the fields are the same to the bit on every processor; robust mode
+//! computes in f32 lanes of fixed order, the same with and without AVX2 or AVX-512.
 //! Positions are px from the centre of the top-left pixel (u to the right, v down), velocities px/frame
 //! from the older to the newer frame.
 

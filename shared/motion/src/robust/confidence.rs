@@ -7,8 +7,9 @@ use super::Candidate;
 /// strongest evidence elsewhere, the share of cells elsewhere that are half over the threshold, the
 /// logarithms of the speed in px and of the area in 1000 px².
 ///
-/// Fitted on sequences of seeds 101 to 103 at 256 and 512 px and on real sequences, each group of them with
-/// the same weight; the intercept is lower than fitted by [`CAUTION`].
+/// Fitted on the scenarios with seeds 101 to 103 at 256 and 512 px and on four real sequences, each group of
+/// them with the same weight; the intercept is lower than fitted by [`CAUTION`], which was set on seeds 104
+/// to 108.
 const INTERCEPT: f64 = 0.68;
 const VOTES: f64 = 2.36;
 const WEAKER: f64 = 2.49;

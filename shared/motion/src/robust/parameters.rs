@@ -1,4 +1,4 @@
-//! What can be set in robust mode, each default with its reason.
+//! What can be set in robust mode.
 
 use super::model::MotionModel;
 
@@ -48,6 +48,8 @@ pub struct EvidenceParameters {
 }
 
 impl Default for EvidenceParameters {
+    /// Floors, factors and additions are those of the design notes on vision, section 6 R5 and R6: set so that
+    /// twelve sequences without target stay below the threshold.
     fn default() -> EvidenceParameters {
         EvidenceParameters {
             vote_floor: [0.24, 0.20, 0.09],
@@ -72,6 +74,7 @@ impl Default for RobustParameters {
             competition: true,
             symmetric: true,
             evidence: EvidenceParameters::default(),
+            // Weak candidates cannot be targets of one pair, but may be those of a track.
             cut: 0.6,
         }
     }

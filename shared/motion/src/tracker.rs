@@ -85,13 +85,15 @@ const SLOWING: f64 = 0.9;
 /// Probability that a track ends from one frame to the next.
 const DEATH: f64 = 0.01;
 /// Probability that a target is seen in a frame: what a miss says.
-const SEEN: f64 = 0.45;
+const SEEN: f64 = 0.3;
 /// Most that a candidate's place can say for a track: the gate's share of the image.
 const PLACE_GAIN: f64 = 8.0;
 /// Odds are held to this, so that a long life does not outweigh what is seen now.
 const MOST_ODDS: f64 = 300.0;
 /// Existence of a new track, as odds, times those of its candidate.
 const BIRTH_ODDS: f64 = 0.15;
+/// A target that is not seen for so many frames gives way to another that is.
+const PATIENCE: u32 = 3;
 /// Share of a new area in the smoothed one.
 const AREA_GAIN: f64 = 0.2;
 
@@ -184,11 +186,11 @@ impl Tracker {
             let mut best: Option<(f64, usize)> = None;
             for (i, candidate) in candidates.iter().enumerate().filter(|(i, _)| free[*i]) {
                 let distance = track.distance(candidate);
-                if distance < parameters.gate * parameters.gate {
-                    let fit = candidate.confidence.max(1e-6).ln() - 0.5 * distance;
-                    if best.is_none_or(|(held, _)| fit > held) {
-                        best = Some((fit, i));
-                    }
+                let ratio = evidence_ratio(candidate, distance);
+                // What is more probably clutter than this target is no sight of it.
+                let is_sight = distance < parameters.gate * parameters.gate && ratio > 1.0 - SEEN;
+                if is_sight && best.is_none_or(|(held, _)| ratio > held) {
+                    best = Some((ratio, i));
                 }
             }
             match best {
@@ -220,9 +222,16 @@ impl Tracker {
     }
 
     fn choose(&mut self) {
-        if self.target().is_none() {
+        let held = self.target();
+        let unseen = held.is_none_or(|track| track.misses >= PATIENCE);
+        if unseen {
+            // One that is seen is better than one that is remembered.
+            let rank = |track: &&Track| (track.misses < PATIENCE, track.existence);
             let confirmed = self.tracks().filter(|track| track.state != TrackState::Tentative);
-            let best = confirmed.max_by(|a, b| a.existence.total_cmp(&b.existence));
+            let best = confirmed.max_by(|a, b| {
+                let ((a_seen, a), (b_seen, b)) = (rank(a), rank(b));
+                a_seen.cmp(&b_seen).then(a.total_cmp(&b))
+            });
             self.primary = best.map(|track| track.id);
         }
     }
@@ -303,7 +312,7 @@ impl Track {
         self.area_px += AREA_GAIN * (candidate.area_px - self.area_px);
         self.hits += 1;
         self.misses = 0;
-        self.weigh(odds(candidate.confidence) * PLACE_GAIN * (-0.5 * distance).exp());
+        self.weigh(evidence_ratio(candidate, distance));
         if self.state != TrackState::Tentative || (self.existence >= parameters.confirm && self.hits >= 2) {
             self.state = TrackState::Confirmed;
         }
@@ -331,6 +340,11 @@ impl Track {
         let impossible = !self.mean.iter().all(|value| value.is_finite());
         impossible || self.existence < parameters.drop || self.misses > parameters.coast_frames
     }
+}
+
+/// How much more probable the candidate is if the track is real, from its confidence and its squared distance.
+fn evidence_ratio(candidate: &Candidate, distance: f64) -> f64 {
+    odds(candidate.confidence) * PLACE_GAIN * (-0.5 * distance).exp()
 }
 
 fn odds(probability: f64) -> f64 {

@@ -31,19 +31,35 @@ impl Flood {
         self.seen[seed] = true;
         self.cells.push(seed);
         let mut next = 0;
+        let columns = self.columns;
         while next < self.cells.len() {
-            let (x, y) = (self.cells[next] % self.columns, self.cells[next] / self.columns);
+            let cell = self.cells[next];
             next += 1;
-            for ny in y.saturating_sub(1)..(y + 2).min(self.rows) {
-                for nx in x.saturating_sub(1)..(x + 2).min(self.columns) {
-                    let cell = ny * self.columns + nx;
-                    if !self.seen[cell] && inside(cell) {
-                        self.seen[cell] = true;
-                        self.cells.push(cell);
+            let (x, y) = (cell as u32 % columns as u32, cell as u32 / columns as u32);
+            let (x, y) = (x as usize, y as usize);
+            let is_inner = x > 0 && x + 1 < columns && y > 0 && y + 1 < self.rows;
+            if is_inner {
+                let (above, below) = (cell - columns, cell + columns);
+                let around = [above - 1, above, above + 1, cell - 1, cell + 1, below - 1, below, below + 1];
+                for other in around {
+                    self.visit(other, &inside);
+                }
+            } else {
+                for ny in y.saturating_sub(1)..(y + 2).min(self.rows) {
+                    for nx in x.saturating_sub(1)..(x + 2).min(columns) {
+                        self.visit(ny * columns + nx, &inside);
                     }
                 }
             }
         }
         &self.cells
+    }
+
+    #[inline(always)]
+    fn visit(&mut self, cell: usize, inside: &impl Fn(usize) -> bool) {
+        if !self.seen[cell] && inside(cell) {
+            self.seen[cell] = true;
+            self.cells.push(cell);
+        }
     }
 }

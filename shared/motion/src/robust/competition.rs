@@ -16,6 +16,8 @@ const LEAST_SPEED: f32 = 0.2;
 const MASK_THRESHOLD: f32 = 0.08;
 /// Grey levels added to what both leave: noise decides nothing.
 const MASK_NOISE: f32 = 1.0;
+/// ... and this share of what the patch's pixels typically leave.
+const MASK_TYPICAL: f32 = 0.2;
 /// Fewer pixels than this are no target.
 const LEAST_PIXELS: usize = 8;
 /// Least-squares steps.
@@ -239,8 +241,15 @@ impl Competition {
         let kernel: &[f32] = if self.small { &GAUSSIAN_1_5 } else { &GAUSSIAN_2 };
         blur(&self.better, place, kernel, &mut self.blurred, &mut self.lines);
         blur(&self.trial, place, kernel, &mut self.total, &mut self.lines);
+        // What leaves little beside what is typical here is the blur's own tail around a target on flat ground.
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for total in &self.total[..n] {
+            sum += total;
+            squares += total * total;
+        }
+        let noise = MASK_NOISE + MASK_TYPICAL * squares / f32::max(sum, 1.0);
         for (z, total) in self.blurred[..n].iter_mut().zip(&self.total) {
-            *z /= total + MASK_NOISE;
+            *z /= total + noise;
         }
     }
 

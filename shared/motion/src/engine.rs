@@ -5,6 +5,7 @@ use std::fmt;
 use crate::cells::{Grid, LevelPlan, MAX_CELLS};
 use crate::compensation::{coherence, rounded_shift, total, translation, voting_region};
 use crate::image::{Image, MAX_SIDE, MIN_SIDE};
+use crate::pair::FramePair;
 use crate::parameters::{ParameterError, Parameters};
 use crate::pyramid::{LEVELS, Pyramid};
 use crate::votes::{DIRECTIONS, LevelSums, SweepScratch, sweep};
@@ -84,14 +85,11 @@ pub struct VoteSummary {
 /// It has no memory that matters: the result is a function of the two frames alone.
 #[derive(Clone, Debug)]
 pub struct VoteEngine {
-    size: (usize, usize),
+    pair: FramePair,
     parameters: Parameters,
     grid: Grid,
     plans: [LevelPlan; LEVELS],
-    newer: Pyramid,
-    older: Pyramid,
     shifted: Pyramid,
-    holds_newer: bool,
     scratch: SweepScratch,
 }
 
@@ -101,31 +99,24 @@ impl VoteEngine {
     /// # Errors
     /// A side outside [`MIN_SIDE`]`..=`[`MAX_SIDE`], or a parameter outside its range.
     pub fn new(width: usize, height: usize, parameters: &Parameters) -> Result<VoteEngine, EngineError> {
-        let sides = MIN_SIDE..=MAX_SIDE;
-        if !sides.contains(&width) || !sides.contains(&height) {
-            return Err(EngineError::Size { width, height });
-        }
+        let pair = FramePair::new(width, height, parameters.smoothing)?;
         parameters.check()?;
         let grid = Grid::new(width, height);
-        let pyramid = Pyramid::new(width, height, parameters.smoothing);
-        let sizes = std::array::from_fn(|k| (pyramid.levels[k].width, pyramid.levels[k].height));
+        let sizes = std::array::from_fn(|k| (pair.newer.levels[k].width, pair.newer.levels[k].height));
         let plans = LevelPlan::all(&grid, sizes);
         Ok(VoteEngine {
-            size: (width, height),
             parameters: *parameters,
             grid,
             plans,
             scratch: SweepScratch::new(sizes[0].0, grid.rows),
-            newer: pyramid.clone(),
-            older: pyramid.clone(),
-            shifted: pyramid,
-            holds_newer: false,
+            shifted: pair.newer.clone(),
+            pair,
         })
     }
 
     /// Columns and rows of the frames, px.
     pub fn size(&self) -> (usize, usize) {
-        self.size
+        self.pair.size
     }
 
     /// Writes the vote fields of the pair after compensation; cells beyond the grid are left alone.
@@ -143,8 +134,7 @@ impl VoteEngine {
         fields: &mut Fields,
         probe: &mut impl Probe,
     ) -> VoteSummary {
-        self.assert_shape(&newer);
-        let older = self.build_pyramids(older, &newer);
+        let older = self.pair.take(older, &newer);
         probe.ended(Part::Pyramid);
         let Some(older) = older else {
             for field in fields.iter_mut() {
@@ -157,7 +147,7 @@ impl VoteEngine {
             let coherence = self.vote_on_shifted(shift, passes > 0, fields);
             probe.ended(Part::Votes);
             let rest = translation(&coherence, self.parameters.floor);
-            let better = rounded_shift(shift, rest, self.size);
+            let better = rounded_shift(shift, rest, self.pair.size);
             if passes == self.parameters.passes || better == shift {
                 return self.summary(true, shift, passes, coherence);
             }
@@ -173,36 +163,15 @@ impl VoteEngine {
     /// # Panics
     /// If there is no such level.
     pub fn level(&self, k: usize) -> (usize, usize, usize, &[i16]) {
-        let level = &self.newer.levels[k];
-        (level.width, level.height, level.stride, &level.values)
-    }
-
-    /// Brings `self.older` and `self.newer` up to date; the older image, if there is one.
-    fn build_pyramids<'a>(&mut self, older: Older<'a>, newer: &Image<'_>) -> Option<Image<'a>> {
-        let image = match older {
-            Older::Missing => None,
-            Older::LastNewer(image) if self.holds_newer => {
-                self.assert_shape(&image);
-                std::mem::swap(&mut self.older, &mut self.newer);
-                Some(image)
-            }
-            Older::LastNewer(image) | Older::Frame(image) => {
-                self.assert_shape(&image);
-                self.older.build(&image, (0, 0));
-                Some(image)
-            }
-        };
-        self.newer.build(newer, (0, 0));
-        self.holds_newer = true;
-        image
+        self.pair.level(k)
     }
 
     /// One sweep over all levels; the coherence of each field.
     fn vote_on_shifted(&mut self, shift: (i32, i32), shifted: bool, fields: &mut Fields) -> [f64; FIELDS] {
-        let older = if shifted { &self.shifted } else { &self.older };
+        let older = if shifted { &self.shifted } else { &self.pair.older };
         let mut sums = [LevelSums::default(); LEVELS];
         for (k, fields) in fields.chunks_exact_mut(DIRECTIONS).enumerate() {
-            let pair = (&older.levels[k], &self.newer.levels[k]);
+            let pair = (&older.levels[k], &self.pair.newer.levels[k]);
             let size = (pair.1.width, pair.1.height);
             let region = voting_region(shift, self.parameters.smoothing, k, size);
             sums[k] = sweep(pair, region, &self.plans[k], &mut self.scratch, fields);
@@ -223,11 +192,6 @@ impl VoteEngine {
             coherence_sum: total(&coherence),
             background: (f64::from(shift.0) + rest.0, f64::from(shift.1) + rest.1),
         }
-    }
-
-    fn assert_shape(&self, image: &Image<'_>) {
-        let size = (image.width(), image.height());
-        assert!(size == self.size, "a frame of {size:?} px was given to an engine for {:?} px", self.size);
     }
 }
 

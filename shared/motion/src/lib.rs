@@ -26,6 +26,7 @@ mod cells;
 mod compensation;
 mod engine;
 mod image;
+mod pair;
 pub mod parameters;
 mod pyramid;
 pub mod robust;

@@ -44,6 +44,8 @@ impl Level {
 #[derive(Clone, Debug)]
 pub(crate) struct Pyramid {
     pub(crate) levels: [Level; LEVELS],
+    /// The last level halved further, where somebody asked for it; mostly none.
+    pub(crate) thumbnails: Vec<Level>,
     smoothing: Smoothing,
     /// Column sums of the row in work, with a kernel's radius of repeated border on both sides.
     narrow: Vec<u16>,
@@ -56,7 +58,17 @@ impl Pyramid {
         let side = |full: usize, k: usize| full.div_ceil(2 << k);
         let levels = std::array::from_fn(|k| Level::new(side(width, k), side(height, k)));
         let sums = width.next_multiple_of(2) + 2 * RADIUS;
-        Pyramid { levels, smoothing, narrow: vec![0; sums], wide: vec![0; sums] }
+        Pyramid { levels, thumbnails: Vec::new(), smoothing, narrow: vec![0; sums], wide: vec![0; sums] }
+    }
+
+    /// The same, and the last level halved until its shorter side is at most `most` px.
+    pub(crate) fn with_thumbnails(mut self, most: usize) -> Pyramid {
+        let (mut width, mut height) = (self.levels[LEVELS - 1].width, self.levels[LEVELS - 1].height);
+        while width.min(height) > most {
+            (width, height) = (width.div_ceil(2), height.div_ceil(2));
+            self.thumbnails.push(Level::new(width, height));
+        }
+        self
     }
 
     /// Fills the levels from `image` moved by `shift` whole px (right, down): the pixel at (x, y) is the
@@ -75,6 +87,11 @@ impl Pyramid {
                 halve_wide(Source::of(first), |y| first.row(y), 20, second, &mut self.wide);
                 halve_wide(Source::of(second), |y| second.row(y), 20, third, &mut self.wide);
             }
+        }
+        let mut last = &*third;
+        for thumbnail in &mut self.thumbnails {
+            halve_level(last, thumbnail, &mut self.narrow);
+            last = thumbnail;
         }
     }
 }
@@ -138,7 +155,7 @@ fn halve_frame(image: &Image<'_>, shift: (i32, i32), out: &mut Level, sums: &mut
 
 /// A level from the one below it. Sums are below 16 x 4080: 16 bits do; rounded in each direction.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-pub(crate) fn halve_level(source: &Level, out: &mut Level, sums: &mut [u16]) {
+fn halve_level(source: &Level, out: &mut Level, sums: &mut [u16]) {
     let sums = &mut sums[..2 * out.width + 4];
     let n = source.width;
     for y in 0..out.height {

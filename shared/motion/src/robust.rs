@@ -31,16 +31,16 @@ use fit::{Histogram, histogram};
 use gain::Gain;
 use model::GlobalMotion;
 use parameters::RobustParameters;
-use patch::RUN;
 use search::{MAX_SHORTER, Search};
 use warp::Span;
 
 use crate::blobs::Flood;
 use crate::cells::MAX_CELLS;
 use crate::engine::{EngineError, Fields, Older, Part, Probe};
-use crate::image::{Image, MAX_SIDE, MIN_SIDE};
+use crate::image::Image;
+use crate::pair::FramePair;
 use crate::parameters::Smoothing;
-use crate::pyramid::{LEVELS, Level, Pyramid, halve_level};
+use crate::pyramid::{LEVELS, Level, Pyramid};
 
 /// Targets that are told of one pair at most.
 pub const MAX_TARGETS: usize = 4;
@@ -51,16 +51,11 @@ const LEAST_SIDE: usize = 24;
 /// pair is remembered for the next but the pyramid of its newer frame.
 #[derive(Clone, Debug)]
 pub struct RobustEngine {
-    size: (usize, usize),
+    pair: FramePair,
     parameters: RobustParameters,
-    newer: Pyramid,
-    older: Pyramid,
     warped: [Level; LEVELS],
     spans: [Vec<Span>; LEVELS],
-    holds_newer: bool,
     coarsest: usize,
-    thumbnails: [Vec<Level>; 2],
-    sums: Vec<u16>,
     search: Search,
     gain: Gain,
     counts: Box<Histogram>,
@@ -74,46 +69,35 @@ impl RobustEngine {
     /// An engine for frames of `width` x `height` px.
     ///
     /// # Errors
-    /// A side outside [`MIN_SIDE`]`..=`[`MAX_SIDE`].
+    /// A side outside [`MIN_SIDE`](crate::MIN_SIDE)`..=`[`MAX_SIDE`](crate::MAX_SIDE).
     pub fn new(
         width: usize,
         height: usize,
         parameters: &RobustParameters,
     ) -> Result<RobustEngine, EngineError> {
-        let sides = MIN_SIDE..=MAX_SIDE;
-        if !sides.contains(&width) || !sides.contains(&height) {
-            return Err(EngineError::Size { width, height });
-        }
-        let pyramid = Pyramid::new(width, height, Smoothing::Binomial);
+        let mut pair = FramePair::new(width, height, Smoothing::Binomial)?;
+        pair.older = pair.older.with_thumbnails(MAX_SHORTER);
+        pair.newer = pair.newer.with_thumbnails(MAX_SHORTER);
+        let pyramid = &pair.newer;
         let shorter = |level: &Level| level.width.min(level.height);
         let coarsest = (0..LEVELS).rev().find(|&k| shorter(&pyramid.levels[k]) >= LEAST_SIDE).unwrap_or(0);
-        let mut thumbnails = Vec::new();
-        let (mut w, mut h) = (pyramid.levels[coarsest].width, pyramid.levels[coarsest].height);
-        while w.min(h) > MAX_SHORTER {
-            (w, h) = (w.div_ceil(2), h.div_ceil(2));
-            thumbnails.push(Level::new(w, h));
-        }
+        let smallest = smallest(pyramid, coarsest);
         let [first, _, third] = &pyramid.levels;
         let evidence = Evidence::new(first.width, first.height, parameters.evidence);
         let cells = evidence.maps[0].values.len();
         Ok(RobustEngine {
-            size: (width, height),
             parameters: *parameters,
             warped: pyramid.levels.clone(),
             spans: std::array::from_fn(|k| vec![(0, 0); pyramid.levels[k].height]),
-            holds_newer: false,
             coarsest,
-            thumbnails: [thumbnails.clone(), thumbnails],
-            sums: vec![0; width + 2 * RUN],
-            search: Search::new(w, h),
+            search: Search::new(smallest.width, smallest.height),
             gain: Gain::new(third.width, third.height, first.width),
             counts: histogram(),
             flood: Flood::new(cells),
             blob: Vec::with_capacity(cells),
             evidence,
             competition: Competition::new(),
-            newer: pyramid.clone(),
-            older: pyramid,
+            pair,
         })
     }
 
@@ -122,22 +106,23 @@ impl RobustEngine {
     /// # Panics
     /// If a frame is not of the engine's shape.
     pub fn detect(&mut self, older: Older<'_>, newer: Image<'_>, probe: &mut impl Probe) -> Findings {
-        let pair = self.build_pyramids(older, &newer);
+        let pair = self.pair.take(older, &newer);
         probe.ended(Part::Pyramid);
         let mut findings = Findings {
             outcome: Outcome::Answered,
-            background: GlobalMotion::still(self.size.0, self.size.1),
+            background: GlobalMotion::still(self.pair.size.0, self.pair.size.1),
             candidates: [Candidate::default(); MAX_TARGETS],
             count: 0,
             evidence: 0.0,
         };
-        if !pair {
+        if pair.is_none() {
             return Findings { outcome: Outcome::NoPair, ..findings };
         }
-        if (0..LEVELS).rev().all(|k| self.older.levels[k].values == self.newer.levels[k].values) {
+        let FramePair { older, newer, .. } = &self.pair;
+        if (0..LEVELS).rev().all(|k| older.levels[k].values == newer.levels[k].values) {
             return Findings { outcome: Outcome::Frozen, ..findings };
         }
-        if [&self.older, &self.newer].into_iter().any(|pyramid| is_flat(&pyramid.levels[self.coarsest])) {
+        if [older, newer].into_iter().any(|pyramid| is_flat(&pyramid.levels[self.coarsest])) {
             return Findings { outcome: Outcome::Featureless, ..findings };
         }
         let Some(background) = self.fit() else {
@@ -146,40 +131,11 @@ impl RobustEngine {
         findings.background = background;
         self.compensate(&background);
         probe.ended(Part::Compensation);
-        self.evidence.measure(&self.warped, &self.newer.levels, &self.spans);
+        self.evidence.measure(&self.warped, &self.pair.newer.levels, &self.spans);
         probe.ended(Part::Votes);
         self.find_candidates(&mut findings);
         probe.ended(Part::Competition);
         findings
-    }
-
-    /// Brings both pyramids up to date; whether there is a pair.
-    fn build_pyramids(&mut self, older: Older<'_>, newer: &Image<'_>) -> bool {
-        self.assert_shape(newer);
-        let pair = match older {
-            Older::Missing => false,
-            Older::LastNewer(image) if self.holds_newer => {
-                self.assert_shape(&image);
-                std::mem::swap(&mut self.older, &mut self.newer);
-                self.thumbnails.swap(0, 1);
-                true
-            }
-            Older::LastNewer(image) | Older::Frame(image) => {
-                self.assert_shape(&image);
-                self.older.build(&image, (0, 0));
-                make_thumbnails(&self.older.levels[self.coarsest], &mut self.thumbnails[0], &mut self.sums);
-                true
-            }
-        };
-        self.newer.build(newer, (0, 0));
-        make_thumbnails(&self.newer.levels[self.coarsest], &mut self.thumbnails[1], &mut self.sums);
-        self.holds_newer = true;
-        pair
-    }
-
-    fn assert_shape(&self, image: &Image<'_>) {
-        let size = (image.width(), image.height());
-        assert!(size == self.size, "a frame of {size:?} px was given to an engine for {:?} px", self.size);
     }
 
     /// Writes the normalised votes as fields, in windows of about a 16th of the frame: cells per row, rows, and the side of a
@@ -207,24 +163,22 @@ impl RobustEngine {
     /// # Panics
     /// If there is no such level.
     pub fn level(&self, k: usize) -> (usize, usize, usize, &[i16]) {
-        let level = &self.newer.levels[k];
-        (level.width, level.height, level.stride, &level.values)
+        self.pair.level(k)
     }
 }
 
-/// Whether all of a level is within one grey level.
+/// Whether all of a level is within one grey level. Any other shows it within its first pixels.
 fn is_flat(level: &Level) -> bool {
     const GREY: i16 = 16;
-    let rows = || level.values.chunks(level.stride).map(|row| &row[..level.width]);
-    let most = rows().flatten().max().copied().unwrap_or(0);
-    let least = rows().flatten().min().copied().unwrap_or(0);
-    most - least < GREY
+    let (mut least, mut most) = (i16::MAX, i16::MIN);
+    level.values.chunks(level.stride).flat_map(|row| &row[..level.width]).all(|&value| {
+        (least, most) = (least.min(value), most.max(value));
+        most - least < GREY
+    })
 }
 
-/// Halves `level` again and again.
-fn make_thumbnails(level: &Level, thumbnails: &mut [Level], sums: &mut [u16]) {
-    for i in 0..thumbnails.len() {
-        let (done, rest) = thumbnails.split_at_mut(i);
-        halve_level(done.last().unwrap_or(level), &mut rest[0], sums);
-    }
+/// The picture of a frame that large translations are searched on: the last thumbnail. There is none where the
+/// last level is small already, and only there may the fit begin below it.
+fn smallest(pyramid: &Pyramid, coarsest: usize) -> &Level {
+    pyramid.thumbnails.last().unwrap_or(&pyramid.levels[coarsest])
 }

@@ -138,8 +138,8 @@ impl RobustEngine {
             // Of a patch that grew the motion is known.
             let known =
                 winner.map(|(winner, level)| winner.motion.map(|u| u * f32::from(2u16 << level) / pixel));
-            let pair =
-                LevelPair { older: &self.warped[k], newer: &self.newer.levels[k], spans: &self.spans[k] };
+            let newer = &self.pair.newer.levels[k];
+            let pair = LevelPair { older: &self.warped[k], newer, spans: &self.spans[k] };
             let longer = area.iter().map(|(first, end)| (end - first) >> k).max().unwrap_or(0);
             let how = (self.parameters.symmetric, longer <= SMALL);
             let Some(found) = self.competition.decide(pair, place, (&tried[..count], known), how) else {
@@ -174,7 +174,7 @@ impl RobustEngine {
 
     /// The box that the target needs where its mask reaches the patch's border; base px.
     fn outgrown(&self, found: &Winner, place: Place, k: usize) -> Option<Area> {
-        let level = &self.newer.levels[k];
+        let level = &self.pair.newer.levels[k];
         let axis = |extent: (i32, i32), first: i32, length: usize, side: usize| {
             let end = first + length as i32;
             let more = length as i32 / 3;
@@ -195,7 +195,7 @@ impl RobustEngine {
         let longer = area.iter().map(|(first, end)| end - first).max().unwrap_or(0);
         let around = ((AROUND * longer as f32) as i32).max(LEAST_AROUND);
         for k in 0..LEVELS {
-            let level = &self.newer.levels[k];
+            let level = &self.pair.newer.levels[k];
             let axis = |(first, end): (i32, i32), side: usize| {
                 let first = ((first - around) >> k).max(0);
                 let end = (((end + around) >> k) + 1).min(side as i32);

@@ -23,7 +23,7 @@ pub(crate) struct Gain {
 
 /// Added to both means, in 1/16 grey level: black stays black.
 const DARK: i32 = 4 * 16;
-/// Half a window, level-3 px, where level 1 is 256 px high: 28 base px.
+/// A window as a share of the shorter side: 28 base px where level 1 is 256 px high.
 const WINDOW_SHARE: f64 = 28.0 / 256.0;
 
 impl Gain {

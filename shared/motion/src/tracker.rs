@@ -194,9 +194,9 @@ impl Tracker {
                 }
             }
             match best {
-                Some((_, i)) => {
+                Some((ratio, i)) => {
                     free[i] = false;
-                    track.update(&candidates[i], frames, &parameters);
+                    track.update(&candidates[i], ratio, frames, &parameters);
                 }
                 None => track.miss(gap),
             }
@@ -288,8 +288,8 @@ impl Track {
         (c * du * du - 2.0 * b * du * dv + a * dv * dv) / (a * c - b * b)
     }
 
-    fn update(&mut self, candidate: &Candidate, frames: f64, parameters: &TrackerParameters) {
-        let distance = self.distance(candidate);
+    /// Is seen, as a candidate that is `ratio` times more probable if the track is real.
+    fn update(&mut self, candidate: &Candidate, ratio: f64, frames: f64, parameters: &TrackerParameters) {
         let covariance = Matrix4::from(self.covariance);
         let mut noise = measurement_noise(candidate, frames, self.area_px);
         let innovation = measurement(candidate, frames) - Vector4::from(self.mean);
@@ -312,8 +312,8 @@ impl Track {
         self.area_px += AREA_GAIN * (candidate.area_px - self.area_px);
         self.hits += 1;
         self.misses = 0;
-        self.weigh(evidence_ratio(candidate, distance));
-        if self.state != TrackState::Tentative || (self.existence >= parameters.confirm && self.hits >= 2) {
+        self.weigh(ratio);
+        if self.state != TrackState::Tentative || self.existence >= parameters.confirm {
             self.state = TrackState::Confirmed;
         }
     }

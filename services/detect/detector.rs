@@ -7,11 +7,10 @@ use crate::check::Detection;
 use pursuit_images::GreyImage;
 use pursuit_messages::payload::{self, Votes};
 use pursuit_messages::{ImageShape, PairOutcome, TrackPhase, VisionMode};
-use pursuit_motion::{
-    BlobParameters, EngineError, Image, ImageError, NOMINAL_VELOCITIES, Older, Part, Probe,
-};
-use pursuit_segmentation::step::Segmenter;
+use pursuit_motion::{BlobParameters, EngineError, Image, ImageError, NOMINAL_VELOCITIES, Older};
+use pursuit_segmentation::step::{Segmenter, best_guess};
 use pursuit_vision::eye::Eye;
+use pursuit_vision::probe::Stopwatch;
 use thiserror::Error;
 
 /// Spatial scales of the detector.
@@ -69,6 +68,15 @@ pub struct Times {
 }
 
 impl Times {
+    /// What vision noted of its parts; the rest of `total` went from votes to the target.
+    fn new(votes: &Votes, total: Duration) -> Times {
+        let (pyramid, compensation) =
+            (Duration::from_nanos(votes.pyramid_ns), Duration::from_nanos(votes.compensation_ns));
+        let votes = Duration::from_nanos(votes.votes_ns);
+        let segmentation = total.saturating_sub(pyramid + votes + compensation);
+        Times { pyramid, votes, compensation, segmentation }
+    }
+
     /// All of it.
     pub fn total(&self) -> Duration {
         self.pyramid + self.votes + self.compensation + self.segmentation
@@ -101,6 +109,7 @@ pub enum DetectorError {
 
 /// The steps of vision and segmentation, as the services run them, and their memory.
 pub struct Detector {
+    shape: ImageShape,
     eye: Eye,
     segmenter: Segmenter,
     votes: Box<Votes>,
@@ -112,6 +121,7 @@ impl Detector {
     pub fn new(frame: &GreyImage, detection: &Detection) -> Result<Detector, DetectorError> {
         let shape = ImageShape::grey(frame.width, frame.height);
         Ok(Detector {
+            shape,
             eye: Eye::new(frame.width as usize, frame.height as usize, &detection.vision)?,
             segmenter: Segmenter::for_images(shape, detection.segmentation, BlobParameters::default()),
             votes: Box::default(),
@@ -124,10 +134,12 @@ impl Detector {
         let interval = u32::from(older.is_some());
         let older = older.map(view).transpose()?.map_or(Older::Missing, Older::LastNewer);
         let newer = view(newer)?;
+        let start = Instant::now();
         let mut stopwatch = Stopwatch::start();
         self.eye.look(older, newer, interval, &mut self.votes, &mut stopwatch);
+        stopwatch.write(&mut self.votes);
         let said = self.segmenter.answer((0, self.frame), &self.votes, None);
-        stopwatch.lap(|times| &mut times.segmentation);
+        let times = Times::new(&self.votes, start.elapsed());
         self.frame += 1;
         let alone = (said.motion.found == 1).then(|| of_detection(&said.motion));
         let track = (said.track.found == 1).then(|| Target {
@@ -137,29 +149,14 @@ impl Detector {
         });
         Ok(Answer {
             target: track.or(alone).ok_or_else(|| self.reason()),
-            pair: alone.or_else(|| self.best_candidate()),
+            pair: alone.or_else(|| self.best_guess()),
             background: (said.background_u, said.background_v),
-            times: stopwatch.times,
+            times,
         })
     }
 
-    fn candidates(&self) -> &[payload::Candidate] {
-        &self.votes.candidates[..self.votes.candidate_count as usize]
-    }
-
-    fn best_candidate(&self) -> Option<Target> {
-        let best = self.candidates().iter().max_by(|a, b| a.confidence.total_cmp(&b.confidence))?;
-        Some(Target {
-            u: best.u,
-            v: best.v,
-            vu: best.vu,
-            vv: best.vv,
-            confidence: best.confidence,
-            area_px: best.area_px,
-            uncertainty: Some((best.position_covariance, best.velocity_sd)),
-            track: None,
-            coasting: false,
-        })
+    fn best_guess(&self) -> Option<Target> {
+        best_guess(&self.votes, self.shape).as_ref().map(of_detection)
     }
 
     /// Why there is no target.
@@ -170,7 +167,7 @@ impl Detector {
         if self.votes.mode == VisionMode::Paper as u32 {
             return "no blob of votes stands out".to_owned();
         }
-        match (PairOutcome::from_number(self.votes.outcome), self.best_candidate()) {
+        match (PairOutcome::from_number(self.votes.outcome), self.best_guess()) {
             (Some(PairOutcome::Frozen), _) => "this frame is the one before once more".to_owned(),
             (Some(PairOutcome::Featureless), _) => "nothing in the frames could be seen moving".to_owned(),
             (Some(PairOutcome::Unexplained), _) => "no motion of a camera explains the pair".to_owned(),
@@ -227,33 +224,4 @@ fn of_detection(found: &payload::Detection) -> Target {
 fn view(frame: &GreyImage) -> Result<Image<'_>, ImageError> {
     let (width, height) = (frame.width as usize, frame.height as usize);
     Image::new(&frame.pixels, width, height, width)
-}
-
-/// Adds up the parts of a step.
-struct Stopwatch {
-    last: Instant,
-    times: Times,
-}
-
-impl Stopwatch {
-    fn start() -> Stopwatch {
-        Stopwatch { last: Instant::now(), times: Times::default() }
-    }
-
-    fn lap(&mut self, part: impl FnOnce(&mut Times) -> &mut Duration) {
-        let now = Instant::now();
-        *part(&mut self.times) += now - self.last;
-        self.last = now;
-    }
-}
-
-impl Probe for Stopwatch {
-    fn ended(&mut self, part: Part) {
-        self.lap(|times| match part {
-            Part::Pyramid => &mut times.pyramid,
-            Part::Compensation => &mut times.compensation,
-            Part::Votes => &mut times.votes,
-            Part::Competition => &mut times.segmentation,
-        });
-    }
 }

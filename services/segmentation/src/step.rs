@@ -40,21 +40,18 @@ impl Memory {
 
     /// Takes in what was found in a frame of an epoch.
     fn take(&mut self, frame: (u64, u64), findings: &Findings, interval: u32) -> &Tracker {
-        let again = self.frame.filter(|last| last.0 == frame.0 && frame.1 <= last.1);
         let gap = match self.frame {
-            // A restarted vision begins with frames that were answered before: without a pair, or out of
-            // order, they tell nothing new.
-            _ if again.is_some_and(|last| last != frame || findings.outcome == Outcome::NoPair) => {
-                return &self.after;
-            }
-            _ if again.is_some() => {
-                self.after.clone_from(&self.before);
-                self.gap
-            }
-            Some((epoch, number)) if epoch == frame.0 => {
+            Some((epoch, number)) if epoch == frame.0 && frame.1 > number => {
                 self.before.clone_from(&self.after);
                 u32::try_from(frame.1 - number).unwrap_or(u32::MAX)
             }
+            Some(last) if last == frame && findings.outcome != Outcome::NoPair => {
+                self.after.clone_from(&self.before);
+                self.gap
+            }
+            // A restarted vision begins with frames that were answered before: without a pair, or out of
+            // order, they tell nothing new.
+            Some((epoch, _)) if epoch == frame.0 => return &self.after,
             // Another epoch: nothing that was known holds.
             _ => {
                 *self = Memory::new(self.after.parameters());
@@ -127,7 +124,7 @@ impl Segmenter {
     /// The paper's segmentation.
     fn segment(&mut self, votes: &Votes, target: &mut Target) {
         let Some(summary) = summary(votes) else { return };
-        let per_frame = 1.0 / f64::from(votes.interval.max(1));
+        let per_frame = per_frame(votes);
         let segmentation = segment(&votes.fields, &summary, &self.decision.paper, &mut self.segment_scratch);
         target.motion =
             segmentation.target.map_or_else(|_| Detection::default(), |found| message(&found, per_frame));
@@ -137,10 +134,9 @@ impl Segmenter {
 
     /// Robust mode: the most probable candidate of this pair, and the track.
     fn decide(&mut self, frame: (u64, u64), votes: &Votes, target: &mut Target) {
-        let (width, height) = (self.shape.width as usize, self.shape.height as usize);
-        let findings = findings(votes, width, height);
+        let findings = findings(votes, self.shape);
         let tracker = self.memory.take(frame, &findings, votes.interval);
-        let per_frame = 1.0 / f64::from(votes.interval.max(1));
+        let per_frame = per_frame(votes);
         if let Some(found) = findings.target(self.decision.confidence) {
             target.motion = candidate_message(found, per_frame);
         }
@@ -156,10 +152,19 @@ impl Segmenter {
             phase = TrackPhase::Coasting;
         }
         target.track_phase = phase as u32;
-        let (width, height) = (width as f64, height as f64);
-        let (u, v) = findings.background.at((width - 1.0) / 2.0, (height - 1.0) / 2.0);
+        let (u, v) = findings.background.in_the_middle();
         (target.background_u, target.background_v) = (u * per_frame, v * per_frame);
     }
+}
+
+/// The most probable candidate of this pair, however improbable; none in paper mode.
+pub fn best_guess(votes: &Votes, shape: ImageShape) -> Option<Detection> {
+    findings(votes, shape).target(0.0).map(|found| candidate_message(found, per_frame(votes)))
+}
+
+/// What makes a displacement per pair a velocity per frame.
+fn per_frame(votes: &Votes) -> f64 {
+    1.0 / f64::from(votes.interval.max(1))
 }
 
 fn phase(state: TrackState) -> TrackPhase {
@@ -171,8 +176,8 @@ fn phase(state: TrackState) -> TrackPhase {
 }
 
 /// What vision found, out of a message; numbers that cannot be are none.
-fn findings(votes: &Votes, width: usize, height: usize) -> Findings {
-    let mut background = GlobalMotion::still(width, height);
+fn findings(votes: &Votes, shape: ImageShape) -> Findings {
+    let mut background = GlobalMotion::still(shape.width as usize, shape.height as usize);
     if votes.motion.iter().all(|a| a.is_finite()) {
         background.coefficients = votes.motion;
     }

@@ -79,13 +79,12 @@ fn detect(
     votes: &mut Votes,
     probe: &mut impl Probe,
 ) {
-    let middle = ((newer.width() as f64 - 1.0) / 2.0, (newer.height() as f64 - 1.0) / 2.0);
     let findings = engine.detect(older, newer, probe);
     votes.mode = VisionMode::Robust as u32;
     votes.valid = u32::from(findings.outcome != Outcome::NoPair);
     let (columns, rows, cell_px) = engine.fields(&findings, &mut votes.fields);
     (votes.columns, votes.rows, votes.cell_px) = (columns as u32, rows as u32, cell_px as f32);
-    (votes.background_u, votes.background_v) = findings.background.at(middle.0, middle.1);
+    (votes.background_u, votes.background_v) = findings.background.in_the_middle();
     votes.motion = findings.background.coefficients;
     votes.evidence = findings.evidence;
     votes.outcome = match findings.outcome {

@@ -6,7 +6,7 @@
 pub mod config;
 pub mod eye;
 mod pairs;
-mod probe;
+pub mod probe;
 
 use config::Config;
 use eye::Eye;

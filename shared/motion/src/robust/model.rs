@@ -46,6 +46,12 @@ impl GlobalMotion {
         (a0 + a1 * x + a2 * y + bend * x, a3 + a4 * x + a5 * y + bend * y)
     }
 
+    /// The displacement (right, down) in the middle of the image, px per pair.
+    pub fn in_the_middle(&self) -> (f64, f64) {
+        let [u, _, _, v, ..] = self.coefficients;
+        (u, v)
+    }
+
     /// Where the background point at (u, v) of the older frame is in the newer one, px.
     pub fn forward(&self, u: f64, v: f64) -> (f64, f64) {
         // The displacement is given at its end: two steps of a fixed point are exact to 1e-3 px at 10 %

@@ -2,9 +2,11 @@
 
 mod support;
 
+use std::path::PathBuf;
+
 use rustix::process::Signal;
 use serde_json::Value;
-use support::{Place, json, kill, pid_of, wait_for};
+use support::{Place, System, json, kill, pid_of, wait_for};
 
 const FRAMES: &str = "40";
 
@@ -70,6 +72,14 @@ fn one_process_gives_the_same_trajectory_as_six() {
     assert_eq!(json(&file)["runs"][1]["trajectory_sha256"][0], processes["trajectory_sha256"]);
 }
 
+/// A run with seed 9 that lasts as long as in reality, and the file that its report will be in.
+fn run_to_disturb(place: &Place) -> (System<'_>, PathBuf) {
+    let file = place.file("report.json");
+    let name = file.display().to_string();
+    let arguments = ["--frames", FRAMES, "--seed", "9", "--set", "run.pace=real", "--json", &name];
+    (place.up(&arguments), file)
+}
+
 /// Kills one service with SIGKILL in training and again in tracking; the trajectory must be that of an
 /// undisturbed run, to the bit.
 fn survives_the_death_of(service: &str) {
@@ -77,10 +87,7 @@ fn survives_the_death_of(service: &str) {
     let expected = report(&calm, &["--seed", "9"]);
 
     let place = Place::new();
-    let file = place.file("report.json");
-    let name = file.display().to_string();
-    let mut system =
-        place.up(&["--frames", FRAMES, "--seed", "9", "--set", "run.pace=real", "--json", &name]);
+    let (mut system, file) = run_to_disturb(&place);
     let services = system.wait_until_running();
     system.wait_for_phase(0);
     let first = pid_of(&services, service);
@@ -102,10 +109,7 @@ fn a_vision_that_hangs_for_long_before_it_dies_changes_nothing() {
     let calm = Place::new();
     let expected = report(&calm, &["--seed", "9"]);
     let place = Place::new();
-    let file = place.file("report.json");
-    let name = file.display().to_string();
-    let mut system =
-        place.up(&["--frames", FRAMES, "--seed", "9", "--set", "run.pace=real", "--json", &name]);
+    let (mut system, file) = run_to_disturb(&place);
     system.wait_until_running();
     system.wait_for_phase(2);
     let services = place.status().expect("it runs");

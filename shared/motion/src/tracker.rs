@@ -320,7 +320,7 @@ impl Track {
 
     /// Is not seen, for the first time after `gap` frames.
     fn miss(&mut self, gap: u32) {
-        self.misses += gap;
+        self.misses = self.misses.saturating_add(gap);
         let slowing = SLOWING.powi(gap.min(1000) as i32);
         self.mean[2] *= slowing;
         self.mean[3] *= slowing;

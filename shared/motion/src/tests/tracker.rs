@@ -252,6 +252,15 @@ fn a_moment_of_blindness_is_a_miss_and_not_the_end() {
 }
 
 #[test]
+fn a_track_ends_in_blindness_of_any_length() {
+    let mut tracker = following();
+    tracker.step(&without_pair(Outcome::Unexplained), 1);
+    assert_eq!(tracker.target().unwrap().misses, 1);
+    tracker.step_after(&without_pair(Outcome::Unexplained), 1, u32::MAX);
+    assert_eq!(tracker.tracks().count(), 0);
+}
+
+#[test]
 fn a_track_goes_on_over_frames_that_were_passed_over() {
     // The background moves by (16, 0) a frame, the target by (3, 0) more; every third pair is seen.
     let mut tracker = Tracker::new(&TrackerParameters::default());

@@ -16,9 +16,12 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod change;
 pub mod conjugate_gradient;
+pub mod consensus;
 pub mod episode;
 pub mod grid;
+pub mod landmark;
 mod line_search;
 pub mod network;
 pub mod objective;
@@ -28,12 +31,14 @@ pub mod samples;
 pub mod settings;
 pub mod trainer;
 
+pub use change::{ChangeDetector, Verdict};
 pub use conjugate_gradient::{Descent, Stop};
 pub use episode::Episode;
 pub use grid::{GridCase, GridError, evaluate_grid};
+pub use landmark::Landmark;
 pub use network::{HIDDEN, Network, WEIGHTS};
 pub use refit::{RefitJob, RefitResult, refit};
 pub use ring::Ring;
 pub use samples::{Normalisation, Sample, View};
 pub use settings::{Pairing, Retention, Settings};
-pub use trainer::{Counters, Merge, Trainer};
+pub use trainer::{Counters, Merge, Review, Trainer};

@@ -38,6 +38,11 @@ impl Ring {
         }
     }
 
+    /// Forgets all samples.
+    pub fn clear(&mut self) {
+        self.samples.clear();
+    }
+
     /// All samples, oldest first.
     pub fn samples(&self) -> &[Sample] {
         &self.samples

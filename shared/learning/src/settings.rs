@@ -45,6 +45,9 @@ pub struct Settings {
     pub huber: Option<f64>,
     /// Conjugate-gradient iterations of a refit, 0 (off) to 1000.
     pub iterations: u32,
+    /// Whether a world that changed is noticed, and what no longer holds forgotten: see
+    /// [`ChangeDetector`](crate::ChangeDetector).
+    pub detect_change: bool,
 }
 
 impl Settings {
@@ -63,6 +66,7 @@ impl Settings {
             // 60 are enough for the design's camera, which sees 0.64 m; the default cell's sees 1.0 m, where
             // 60 need 19 moves to 1 cm and 120 need 13.
             iterations: 120,
+            detect_change: true,
         }
     }
 
@@ -79,6 +83,7 @@ impl Settings {
             eta: 0.1,
             huber: None,
             iterations: 50,
+            detect_change: false,
         }
     }
 }

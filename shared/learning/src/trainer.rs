@@ -7,7 +7,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::episode::Episode;
+use crate::change::{ChangeDetector, MOST_SAMPLES, Verdict, relative_error, surprise};
+use crate::episode::{Episode, SAMPLES_WITHIN_MOVE};
 use crate::network::Network;
 use crate::objective::{mean_error, online_step};
 use crate::refit::{RefitJob, RefitResult};
@@ -19,6 +20,19 @@ use crate::settings::Settings;
 const MIN_REFIT_SAMPLES: usize = 4;
 /// More samples than this arriving before a result make the result too old to be replayed: several moves'.
 const MAX_REPLAYED: usize = 512;
+
+/// Motion beside which the error of [`Trainer::observe`] counts, normalised units.
+const FLOOR: f64 = 0.02;
+
+/// What a finished move showed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Review {
+    /// How badly the weights that the move began with foretold it: see [`surprise`]. `None` where the
+    /// move was too short to tell.
+    pub surprise: Option<f64>,
+    /// What that means.
+    pub verdict: Verdict,
+}
 
 /// What became of a refit's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +60,10 @@ pub struct Counters {
     pub refits_merged: u32,
     /// Refits that were not better, or unsound, or too old to be replayed.
     pub refits_rejected: u32,
+    /// Changes of the world that were noticed.
+    pub changes: u32,
+    /// Moves that were not learnt from.
+    pub discarded_moves: u32,
 }
 
 /// A refit that is out: enough to build the same job again.
@@ -53,6 +71,8 @@ pub struct Counters {
 struct Outstanding {
     number: u64,
     network: Network,
+    /// Fresh weights as another start, after a change.
+    fresh: Option<Network>,
     /// Samples learnt online since.
     arrived: Vec<Sample>,
 }
@@ -68,6 +88,15 @@ pub struct Trainer {
     kept: Vec<Sample>,
     /// ...out of this many.
     of_move: u64,
+    /// Weights when the move began.
+    at_start: Network,
+    /// Samples within the move under way, [`MOST_SAMPLES`] at most.
+    within: Vec<Sample>,
+    /// As many of the last move, if that was suspicious.
+    suspects: Vec<Sample>,
+    detector: ChangeDetector,
+    /// Whether the world has changed and nothing was refitted since.
+    changed: bool,
     outstanding: Option<Outstanding>,
     counters: Counters,
     rng: ChaCha8Rng,
@@ -77,9 +106,15 @@ impl Trainer {
     /// An untrained network. Same settings, seed and inputs: same weights, bit for bit.
     pub fn new(settings: &Settings, seed: u64) -> Trainer {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let network = Network::random(&mut rng, settings.anchored);
         Trainer {
             settings: *settings,
-            network: Network::random(&mut rng, settings.anchored),
+            at_start: network.clone(),
+            within: Vec::with_capacity(MOST_SAMPLES),
+            suspects: Vec::with_capacity(MOST_SAMPLES),
+            detector: ChangeDetector::default(),
+            changed: false,
+            network,
             ring: Ring::new(settings.memory, settings.retention),
             episode: Episode::default(),
             kept: Vec::with_capacity(settings.kept_per_move as usize),
@@ -118,37 +153,100 @@ impl Trainer {
     /// A move begins; `start` is what was seen at rest before it.
     pub fn start_move(&mut self, start: Option<View>) {
         self.episode.start_move(start);
+        self.at_start.clone_from(&self.network);
         self.kept.clear();
+        self.within.clear();
         self.of_move = 0;
     }
 
     /// Learns online from a view during a move: one step of back-propagation for each sample that it
-    /// makes with earlier views. No allocation.
-    pub fn observe(&mut self, view: View, normalisation: &Normalisation) {
+    /// makes with earlier views. Says how wrong the weights were about the motion within this move, as
+    /// the mean error relative to the motion; `None` where no sample could be made. No allocation.
+    pub fn observe(&mut self, view: View, normalisation: &Normalisation) -> Option<f64> {
         let samples = self.episode.observe(view, normalisation, &self.settings, &mut self.rng);
-        for mut sample in samples.into_iter().flatten() {
+        let (mut error, mut count) = (0.0, 0u32);
+        for (index, sample) in samples.into_iter().enumerate() {
+            let Some(mut sample) = sample else { continue };
             self.counters.samples += 1;
             sample.sequence = self.counters.samples;
+            if index < SAMPLES_WITHIN_MOVE {
+                error += relative_error(&self.network, &sample, FLOOR).min(1.0);
+                count += 1;
+                if self.within.len() < MOST_SAMPLES {
+                    self.within.push(sample);
+                }
+            }
             self.learn_online(sample);
             self.keep(sample);
         }
+        (count > 0).then(|| error / f64::from(count))
     }
 
-    /// The move is over: its kept samples go to the ring and a refit becomes due.
-    pub fn finish_move(&mut self) {
+    /// The move is over: its kept samples go to the ring and a refit becomes due. Where the move shows
+    /// that the world has changed, all that was learnt before it is forgotten.
+    pub fn finish_move(&mut self) -> Review {
+        let surprise = if self.settings.detect_change { surprise(&self.at_start, &self.within) } else { None };
+        let verdict = surprise.map_or(Verdict::Same, |surprise| self.detector.judge(surprise));
+        match verdict {
+            // Too short a move neither clears nor condemns the one before.
+            Verdict::Same if surprise.is_none() => {}
+            Verdict::Same => self.suspects.clear(),
+            Verdict::Suspicious => self.suspects.clone_from(&self.within),
+            Verdict::Changed => self.forget(),
+        }
         self.episode.end_move();
         self.kept.sort_by_key(|sample| sample.sequence);
         for sample in self.kept.drain(..) {
             self.ring.admit(sample);
         }
-        if self.settings.iterations > 0 && self.ring.samples().len() >= MIN_REFIT_SAMPLES {
-            self.counters.refits_started += 1;
-            self.outstanding = Some(Outstanding {
-                number: self.counters.refits_started,
-                network: self.network.clone(),
-                arrived: Vec::new(),
-            });
+        self.ask_for_refit();
+        Review { surprise, verdict }
+    }
+
+    /// The move under way taught nothing that can be trusted: as if it had not been made.
+    pub fn discard_move(&mut self) {
+        self.network.clone_from(&self.at_start);
+        self.counters.version += 1;
+        self.counters.discarded_moves += 1;
+        self.kept.clear();
+        self.within.clear();
+        self.episode.discard_move();
+    }
+
+    /// Only what is known since the change stays: the samples within the suspicious moves.
+    fn forget(&mut self) {
+        self.ring.clear();
+        self.episode.forget_earlier();
+        self.changed = true;
+        self.counters.changes += 1;
+        self.kept.clear();
+        self.of_move = 0;
+        let since = self.suspects.len();
+        self.suspects.append(&mut self.within);
+        for index in 0..self.suspects.len() {
+            if index == since {
+                // A fair choice of each of the two moves.
+                self.kept.drain(..).for_each(|sample| self.ring.admit(sample));
+                self.of_move = 0;
+            }
+            self.keep(self.suspects[index]);
         }
+        self.suspects.clear();
+    }
+
+    fn ask_for_refit(&mut self) {
+        if self.settings.iterations == 0 || self.ring.samples().len() < MIN_REFIT_SAMPLES {
+            return;
+        }
+        self.counters.refits_started += 1;
+        let fresh = self.changed.then(|| Network::random(&mut self.rng, self.settings.anchored));
+        self.changed = false;
+        self.outstanding = Some(Outstanding {
+            number: self.counters.refits_started,
+            network: self.network.clone(),
+            fresh,
+            arrived: Vec::new(),
+        });
     }
 
     /// Number of the refit that is due or out: from the end of a move until its result is merged, refused
@@ -163,6 +261,7 @@ impl Trainer {
         self.outstanding.as_ref().map(|outstanding| RefitJob {
             number: outstanding.number,
             network: outstanding.network.clone(),
+            fresh: outstanding.fresh.clone(),
             samples: self.ring.samples().to_vec(),
             huber: self.settings.huber,
             iterations: self.settings.iterations,

@@ -85,6 +85,10 @@ pub struct Parameters {
     pub target_wait: Duration,
     /// How long the result of a refit is waited for before the next move.
     pub refit_deadline: Duration,
+    /// Whether sightings of a training target that do not agree with their neighbours are left out.
+    pub reject_wild: bool,
+    /// Whether learning goes on while a target is followed, from the background.
+    pub learn_while_following: bool,
     /// How the target is followed.
     pub controller: Controller,
     /// Time from a set-point to its effect, over which the predictive law predicts.
@@ -160,6 +164,8 @@ impl Parameters {
             move_limit: Parameters::DEFAULT_MOVE_LIMIT,
             target_wait: Parameters::DEFAULT_TARGET_WAIT,
             refit_deadline: Parameters::DEFAULT_REFIT_DEADLINE,
+            reject_wild: true,
+            learn_while_following: true,
             controller: Controller::Predictive,
             lead: Parameters::DEFAULT_LEAD,
             noise: Parameters::DEFAULT_NOISE,
@@ -172,6 +178,8 @@ impl Parameters {
                 learning: Settings::paper(),
                 bootstrap: false,
                 still_frames: 1,
+                reject_wild: false,
+                learn_while_following: false,
                 controller: Controller::Plain,
                 ..recommended
             },

@@ -122,8 +122,11 @@ mod tests {
     fn moment(frame: u64, speed: f64, point: Option<f64>) -> Moment {
         let view = |x| View { point_px: [x, -x], joints: [0.0, 0.6] };
         Moment {
+            frame,
             now_ns: frame * FRAME_NS,
             joints: [0.0, 0.6],
+            velocities: [speed, 0.0],
+            background: None,
             speed,
             blob: point.map(|x| Blob { view: view(x), whole: true }),
             motion_px: None,

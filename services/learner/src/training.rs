@@ -1,9 +1,11 @@
 //! Training: look at rest, move once, learn from the move, until it has been done often enough.
 
-use pursuit_learning::View;
+use pursuit_learning::consensus::{Sighting, agrees};
 use pursuit_learning::samples::THETA2_MIDDLE_RAD;
+use pursuit_learning::{Normalisation, Verdict, View};
 
 use crate::moment::Moment;
+use crate::refusals::Refused;
 use crate::rest::{Motion, Observation, Sight, nanos};
 use crate::step::{Activity, Command, Learner};
 
@@ -13,6 +15,11 @@ const BOOTSTRAP_THETA1_RAD: f64 = 0.12;
 const BOOTSTRAP_THETA2_RAD: f64 = 0.10;
 /// Another training target is one that is this far, in half image widths, from where the old one was.
 const JUMP_HALF_WIDTHS: f64 = 0.08;
+
+/// A move whose sightings are wild to a larger share than this is not learnt from.
+const MOST_WILD: f64 = 0.5;
+/// After a change that leaves the map so wrong, relative to the motion, the two fixed moves are made again.
+const AT_A_LOSS: f64 = 0.6;
 
 impl Learner {
     pub(crate) fn observe_at_rest(&mut self, mut observation: Observation, moment: &Moment) {
@@ -27,17 +34,55 @@ impl Learner {
         if let Some(blob) = &moment.blob
             && blob.whole
         {
-            self.trainer.observe(blob.view, &moment.normalisation);
+            if self.parameters.reject_wild {
+                self.sightings.push(Sighting { time_ns: moment.now_ns, view: blob.view });
+            } else {
+                self.trainer.observe(blob.view, &moment.normalisation);
+            }
         }
         let over = motion.is_over_at(moment, &self.parameters);
         self.activity = Activity::Moving(motion);
         if over {
-            self.trainer.finish_move();
-            self.refit_due_ns = moment.now_ns;
-            self.progress.moves += 1;
-            self.progress.moves_to_target += 1;
-            self.activity = Activity::Observing(Observation::default());
+            self.end_move(moment);
         }
+    }
+
+    fn end_move(&mut self, moment: &Moment) {
+        if self.parameters.reject_wild && !self.learn_what_agrees(&moment.normalisation) {
+            self.trainer.discard_move();
+        } else {
+            let review = self.trainer.finish_move();
+            let lost = review.surprise.is_some_and(|surprise| surprise > AT_A_LOSS);
+            if review.verdict == Verdict::Changed && lost {
+                self.progress.bootstrap_moves = 0;
+            }
+        }
+        self.sightings.clear();
+        self.refit_due_ns = moment.now_ns;
+        self.progress.moves += 1;
+        self.progress.moves_to_target += 1;
+        self.activity = Activity::Observing(Observation::default());
+    }
+
+    /// Learns from those sightings of the move that agree with each other; `false` where too few do for any
+    /// to be trusted.
+    fn learn_what_agrees(&mut self, normalisation: &Normalisation) -> bool {
+        let sightings = self.sightings.as_slice();
+        let half = normalisation.half_width_px;
+        let wild = (0..sightings.len()).filter(|&k| !agrees(sightings, k, half)).count();
+        self.refusals.add(Refused::Wild, wild as u64);
+        if wild as f64 > MOST_WILD * sightings.len() as f64 {
+            return false;
+        }
+        for (index, sighting) in sightings.iter().enumerate() {
+            let agreed = agrees(sightings, index, half);
+            if index == 0 && self.sightings.begins_at_rest {
+                self.trainer.start_move(agreed.then_some(sighting.view));
+            } else if agreed {
+                self.trainer.observe(sighting.view, normalisation);
+            }
+        }
+        true
     }
 
     /// The next target is on its way: until it is seen, or time is up, frames may still show the old one.
@@ -96,7 +141,9 @@ impl Learner {
         };
         let goal = self.parameters.into_envelope(goal);
         // A target that was cut off by the image's edge is good enough to go by, not to learn from.
-        self.trainer.start_move(sight.filter(|sight| sight.whole).map(|sight| sight.view));
+        let start = sight.filter(|sight| sight.whole).map(|sight| sight.view);
+        self.trainer.start_move(start);
+        self.sightings.begin(start.map(|view| Sighting { time_ns: moment.now_ns, view }));
         self.command = Command::GoTo(goal);
         self.activity = Activity::Moving(Motion::to(goal, moment.now_ns));
     }

@@ -62,8 +62,7 @@ mod tests {
         let start = coupling.camera_xy(joints[0], joints[1]);
         let mut landmark = Landmark::in_the_middle(joints);
         for _ in 0..40 {
-            let next =
-                [joints[0] + rng.random_range(-0.05..0.06), joints[1] + rng.random_range(-0.02..0.02)];
+            let next = [joints[0] + rng.random_range(-0.05..0.06), joints[1] + rng.random_range(-0.02..0.02)];
             // The point of the table that the newer image has in its middle came from here:
             let origin = project(joints, coupling.camera_xy(next[0], next[1]));
             landmark.advance([-origin[0], -origin[1]], next, -1.0);

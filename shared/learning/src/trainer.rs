@@ -182,10 +182,16 @@ impl Trainer {
         (count > 0).then(|| error / f64::from(count))
     }
 
+    /// Whether enough was seen of the move under way to judge it.
+    pub fn can_judge(&self) -> bool {
+        surprise(&self.at_start, &self.within).is_some()
+    }
+
     /// The move is over: its kept samples go to the ring and a refit becomes due. Where the move shows
     /// that the world has changed, all that was learnt before it is forgotten.
     pub fn finish_move(&mut self) -> Review {
-        let surprise = if self.settings.detect_change { surprise(&self.at_start, &self.within) } else { None };
+        let surprise =
+            if self.settings.detect_change { surprise(&self.at_start, &self.within) } else { None };
         let verdict = surprise.map_or(Verdict::Same, |surprise| self.detector.judge(surprise));
         match verdict {
             // Too short a move neither clears nor condemns the one before.

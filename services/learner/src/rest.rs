@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use crate::config::{MAX_STILL_FRAMES, Parameters};
 use crate::moment::Moment;
 
+/// A target that is seen within this distance, px, is in one place: some times the noise of a detection.
+const STILL_PX: f64 = 4.0;
+
 /// A motion to a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Motion {
@@ -80,12 +83,34 @@ impl Observation {
         }
     }
 
+    /// Whether it has looked often enough: longer where what it has seen does not agree.
     pub(crate) fn is_complete(&self, parameters: &Parameters) -> bool {
-        self.looked >= parameters.still_frames
+        self.looked >= parameters.still_frames && (self.agrees() || self.looked >= MAX_STILL_FRAMES as u32)
     }
 
-    /// The median view; `None` where the target was seen in less than half of the frames.
+    /// Whether the target was somewhere else from frame to frame though the arm was at rest.
+    pub(crate) fn is_restless(&self) -> bool {
+        self.seen > 0 && !self.agrees()
+    }
+
+    /// Whether it was mostly not seen, or mostly in one place.
+    fn agrees(&self) -> bool {
+        let Some(median) = self.median() else { return true };
+        let near = |view: &View| {
+            let off = [0, 1].map(|k| view.point_px[k] - median.point_px[k]);
+            off[0].hypot(off[1]) < STILL_PX
+        };
+        2 * self.views[..self.seen as usize].iter().filter(|view| near(view)).count() > self.seen as usize
+    }
+
+    /// The median view; `None` where the target was seen in less than half of the frames, or not in one
+    /// place.
     pub(crate) fn sight(&self) -> Option<Sight> {
+        let view = self.median().filter(|_| self.agrees())?;
+        Some(Sight { view, whole: !self.cut_off })
+    }
+
+    fn median(&self) -> Option<View> {
         if self.seen == 0 || 2 * self.seen < self.looked {
             return None;
         }
@@ -99,11 +124,10 @@ impl Observation {
             let lower = (self.seen as usize - 1) / 2;
             0.5 * (values[lower] + values[upper])
         };
-        let view = View {
+        Some(View {
             point_px: [median(|view| view.point_px[0]), median(|view| view.point_px[1])],
             joints: [median(|view| view.joints[0]), median(|view| view.joints[1])],
-        };
-        Some(Sight { view, whole: !self.cut_off })
+        })
     }
 }
 

@@ -1,6 +1,7 @@
 //! What is seen of a training target during a move, kept until the move has ended.
 
-use pursuit_learning::consensus::Sighting;
+use pursuit_learning::View;
+use pursuit_learning::consensus::{Sighting, keep_agreeing};
 use serde::{Deserialize, Serialize};
 
 /// Sightings of one move that are kept: 5 s at 25 Hz, longer than any move.
@@ -10,22 +11,22 @@ const MOST: usize = 128;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Sightings {
     list: Vec<Sighting>,
-    /// Whether the first of them is what was seen at rest before the move.
-    pub(crate) begins_at_rest: bool,
+    /// When the first of them was, if that is what was seen at rest before the move, ns.
+    rest_ns: Option<u64>,
 }
 
 impl Default for Sightings {
     fn default() -> Sightings {
-        Sightings { list: Vec::with_capacity(MOST), begins_at_rest: false }
+        Sightings { list: Vec::with_capacity(MOST), rest_ns: None }
     }
 }
 
 impl Sightings {
     /// A move begins, with what was seen at rest before it.
-    pub(crate) fn begin(&mut self, start: Option<Sighting>) {
+    pub(crate) fn begin(&mut self, at_rest: Option<Sighting>) {
         self.list.clear();
-        self.list.extend(start);
-        self.begins_at_rest = start.is_some();
+        self.list.extend(at_rest);
+        self.rest_ns = at_rest.map(|sighting| sighting.time_ns);
     }
 
     pub(crate) fn clear(&mut self) {
@@ -39,7 +40,19 @@ impl Sightings {
         }
     }
 
-    pub(crate) fn as_slice(&self) -> &[Sighting] {
-        &self.list
+    /// Drops what does not agree with its neighbours: how many there were, and how many were dropped.
+    pub(crate) fn keep_agreeing(&mut self, half_width_px: f64) -> (usize, usize) {
+        let seen = self.list.len();
+        (seen, keep_agreeing(&mut self.list, half_width_px))
+    }
+
+    /// What was seen at rest before the move, if that is still in the list.
+    pub(crate) fn at_rest(&self) -> Option<View> {
+        self.list.first().filter(|first| self.rest_ns == Some(first.time_ns)).map(|first| first.view)
+    }
+
+    /// The others.
+    pub(crate) fn while_moving(&self) -> &[Sighting] {
+        &self.list[usize::from(self.at_rest().is_some())..]
     }
 }

@@ -1,6 +1,6 @@
 //! Training: look at rest, move once, learn from the move, until it has been done often enough.
 
-use pursuit_learning::consensus::{Sighting, agrees};
+use pursuit_learning::consensus::Sighting;
 use pursuit_learning::samples::THETA2_MIDDLE_RAD;
 use pursuit_learning::{Normalisation, Verdict, View};
 
@@ -26,6 +26,7 @@ impl Learner {
         observation.take(moment, &self.parameters);
         self.activity = Activity::Observing(observation);
         if observation.is_complete(&self.parameters) && !self.awaits_refit(moment) {
+            self.refusals.add(Refused::Restless, u64::from(observation.is_restless()));
             self.decide(observation.sight(), moment);
         }
     }
@@ -67,20 +68,14 @@ impl Learner {
     /// Learns from those sightings of the move that agree with each other; `false` where too few do for any
     /// to be trusted.
     fn learn_what_agrees(&mut self, normalisation: &Normalisation) -> bool {
-        let sightings = self.sightings.as_slice();
-        let half = normalisation.half_width_px;
-        let wild = (0..sightings.len()).filter(|&k| !agrees(sightings, k, half)).count();
+        let (seen, wild) = self.sightings.keep_agreeing(normalisation.half_width_px);
         self.refusals.add(Refused::Wild, wild as u64);
-        if wild as f64 > MOST_WILD * sightings.len() as f64 {
+        if wild as f64 > MOST_WILD * seen as f64 {
             return false;
         }
-        for (index, sighting) in sightings.iter().enumerate() {
-            let agreed = agrees(sightings, index, half);
-            if index == 0 && self.sightings.begins_at_rest {
-                self.trainer.start_move(agreed.then_some(sighting.view));
-            } else if agreed {
-                self.trainer.observe(sighting.view, normalisation);
-            }
+        self.trainer.start_move(self.sightings.at_rest());
+        for sighting in self.sightings.while_moving() {
+            self.trainer.observe(sighting.view, normalisation);
         }
         true
     }

@@ -35,7 +35,14 @@ pub struct Conditions {
 
 impl Default for Conditions {
     fn default() -> Conditions {
-        Conditions { noise_px: 0.5, latency_frames: 2, focal_px: 256.0, mount_rad: 0.0, wild: 0.0, flow_noise_px: 0.1 }
+        Conditions {
+            noise_px: 0.5,
+            latency_frames: 2,
+            focal_px: 256.0,
+            mount_rad: 0.0,
+            wild: 0.0,
+            flow_noise_px: 0.1,
+        }
     }
 }
 

@@ -54,7 +54,7 @@ impl Learner {
         } else {
             let review = self.trainer.finish_move();
             let lost = review.surprise.is_some_and(|surprise| surprise > AT_A_LOSS);
-            if review.verdict == Verdict::Changed && lost {
+            if review.verdict == Verdict::Changed && review.frame.is_none() && lost {
                 self.progress.bootstrap_moves = 0;
             }
         }

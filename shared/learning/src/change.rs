@@ -66,6 +66,17 @@ impl ChangeDetector {
         Verdict::Same
     }
 
+    /// Whether the last move was in doubt.
+    pub fn is_suspicious(&self) -> bool {
+        self.suspicious
+    }
+
+    /// What was usual is so again: a change was made up for.
+    #[must_use]
+    pub fn trusting(self) -> ChangeDetector {
+        ChangeDetector { suspicious: false, ..self }
+    }
+
     /// The surprise that is usual: 1 for who knows nothing, some hundredths for who has learnt.
     pub fn usual(&self) -> f64 {
         self.usual

@@ -1,5 +1,6 @@
 //! The network: three inputs, [`HIDDEN`] tanh units, two linear outputs.
 
+use crate::reframe::Frame;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -93,6 +94,19 @@ impl Network {
     /// Whether the centre of the image means no displacement by construction.
     pub fn anchored(&self) -> bool {
         self.anchored
+    }
+
+    /// The network that says of an image what this one says of that image brought into `frame`.
+    #[must_use]
+    pub fn seen_through(&self, frame: Frame) -> Network {
+        let mut network = self.clone();
+        for unit in &mut network.units {
+            // W1 (M p) = (W1 M) p: the transposed matrix turns the weights back.
+            let [x, y] = [frame.of([1.0, 0.0]), frame.of([0.0, 1.0])];
+            let (w_x, w_y) = (unit[0], unit[1]);
+            (unit[0], unit[1]) = (w_x * x[0] + w_y * x[1], w_x * y[0] + w_y * y[1]);
+        }
+        network
     }
 
     /// Normalised displacement (Δθ1, Δθ2) for the normalised input (x, y, θ2).

@@ -7,14 +7,16 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::change::{ChangeDetector, MOST_SAMPLES, Verdict, relative_error, surprise};
+use crate::change::{MOST_SAMPLES, Verdict, relative_error, surprise};
 use crate::episode::{Episode, SAMPLES_WITHIN_MOVE};
 use crate::network::Network;
 use crate::objective::{mean_error, online_step};
 use crate::refit::{RefitJob, RefitResult};
+use crate::reframe::Frame;
 use crate::ring::Ring;
 use crate::samples::{Normalisation, Sample, View};
 use crate::settings::Settings;
+use crate::watch::{Before, Review, Watch};
 
 /// Fewer samples than this are not worth a refit.
 const MIN_REFIT_SAMPLES: usize = 4;
@@ -23,16 +25,6 @@ const MAX_REPLAYED: usize = 512;
 
 /// Motion beside which the error of [`Trainer::observe`] counts, normalised units.
 const FLOOR: f64 = 0.02;
-
-/// What a finished move showed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Review {
-    /// How badly the weights that the move began with foretold it: see [`surprise`]. `None` where the
-    /// move was too short to tell.
-    pub surprise: Option<f64>,
-    /// What that means.
-    pub verdict: Verdict,
-}
 
 /// What became of a refit's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,13 +80,11 @@ pub struct Trainer {
     kept: Vec<Sample>,
     /// ...out of this many.
     of_move: u64,
-    /// Weights when the move began.
-    at_start: Network,
+    /// What was known when the move began.
+    at_start: Before,
     /// Samples within the move under way, [`MOST_SAMPLES`] at most.
     within: Vec<Sample>,
-    /// As many of the last move, if that was suspicious.
-    suspects: Vec<Sample>,
-    detector: ChangeDetector,
+    watch: Watch,
     /// Whether the world has changed and nothing was refitted since.
     changed: bool,
     outstanding: Option<Outstanding>,
@@ -109,10 +99,9 @@ impl Trainer {
         let network = Network::random(&mut rng, settings.anchored);
         Trainer {
             settings: *settings,
-            at_start: network.clone(),
+            at_start: Before { network: network.clone(), last_sample: 0 },
             within: Vec::with_capacity(MOST_SAMPLES),
-            suspects: Vec::with_capacity(MOST_SAMPLES),
-            detector: ChangeDetector::default(),
+            watch: Watch::new(&network),
             changed: false,
             network,
             ring: Ring::new(settings.memory, settings.retention),
@@ -153,7 +142,8 @@ impl Trainer {
     /// A move begins; `start` is what was seen at rest before it.
     pub fn start_move(&mut self, start: Option<View>) {
         self.episode.start_move(start);
-        self.at_start.clone_from(&self.network);
+        self.at_start.network.clone_from(&self.network);
+        self.at_start.last_sample = self.counters.samples;
         self.kept.clear();
         self.within.clear();
         self.of_move = 0;
@@ -184,34 +174,37 @@ impl Trainer {
 
     /// Whether enough was seen of the move under way to judge it.
     pub fn can_judge(&self) -> bool {
-        surprise(&self.at_start, &self.within).is_some()
+        surprise(&self.at_start.network, &self.within).is_some()
     }
 
     /// The move is over: its kept samples go to the ring and a refit becomes due. Where the move shows
-    /// that the world has changed, all that was learnt before it is forgotten.
+    /// that the world has changed, what was learnt before it is brought into the new frame of the image, or
+    /// forgotten where no frame explains it.
     pub fn finish_move(&mut self) -> Review {
-        let surprise =
-            if self.settings.detect_change { surprise(&self.at_start, &self.within) } else { None };
-        let verdict = surprise.map_or(Verdict::Same, |surprise| self.detector.judge(surprise));
-        match verdict {
-            // Too short a move neither clears nor condemns the one before.
-            Verdict::Same if surprise.is_none() => {}
-            Verdict::Same => self.suspects.clear(),
-            Verdict::Suspicious => self.suspects.clone_from(&self.within),
-            Verdict::Changed => self.forget(),
+        let mut review = Review { surprise: None, verdict: Verdict::Same, frame: None };
+        if self.settings.detect_change {
+            review = self.watch.review(&self.within, &self.at_start);
+        }
+        if review.verdict == Verdict::Changed {
+            self.episode.forget_earlier();
         }
         self.episode.end_move();
-        self.kept.sort_by_key(|sample| sample.sequence);
-        for sample in self.kept.drain(..) {
-            self.ring.admit(sample);
+        if review.verdict == Verdict::Changed {
+            self.begin_anew(review.frame);
+        } else {
+            if let Some(better) = review.frame {
+                self.reframe(better);
+            }
+            self.kept.sort_by_key(|sample| sample.sequence);
+            self.kept.drain(..).for_each(|sample| self.ring.admit(sample));
         }
         self.ask_for_refit();
-        Review { surprise, verdict }
+        review
     }
 
     /// The move under way taught nothing that can be trusted: as if it had not been made.
     pub fn discard_move(&mut self) {
-        self.network.clone_from(&self.at_start);
+        self.network.clone_from(&self.at_start.network);
         self.counters.version += 1;
         self.counters.discarded_moves += 1;
         self.kept.clear();
@@ -219,25 +212,37 @@ impl Trainer {
         self.episode.discard_move();
     }
 
-    /// Only what is known since the change stays: the samples within the suspicious moves.
-    fn forget(&mut self) {
-        self.ring.clear();
-        self.episode.forget_earlier();
-        self.changed = true;
+    /// The world has changed. Of what was learnt before, that stays which a new frame explains; of what was
+    /// seen since, a fair choice of the samples within moves: a pair across the change is wrong.
+    fn begin_anew(&mut self, frame: Option<Frame>) {
         self.counters.changes += 1;
+        let last = self.watch.before().last_sample;
+        match frame {
+            Some(frame) => {
+                self.network = self.watch.before().network.seen_through(frame);
+                self.counters.version += 1;
+                self.ring.forget_after(last);
+                self.reframe(frame);
+            }
+            None => {
+                self.ring.forget_after(0);
+                self.changed = true;
+            }
+        }
         self.kept.clear();
         self.of_move = 0;
-        let since = self.suspects.len();
-        self.suspects.append(&mut self.within);
-        for index in 0..self.suspects.len() {
-            if index == since {
-                // A fair choice of each of the two moves.
-                self.kept.drain(..).for_each(|sample| self.ring.admit(sample));
-                self.of_move = 0;
-            }
-            self.keep(self.suspects[index]);
+        for index in 0..self.watch.since().len() {
+            let sample = self.watch.since()[index];
+            self.keep(sample);
         }
-        self.suspects.clear();
+        self.kept.drain(..).for_each(|sample| self.ring.admit(sample));
+    }
+
+    /// Brings the samples from before the change out of the frame they are in, into `better`.
+    fn reframe(&mut self, better: Frame) {
+        let step = self.watch.frame().then(better.inverse());
+        self.ring.reframe(step, self.watch.before().last_sample);
+        self.watch.set_frame(better);
     }
 
     fn ask_for_refit(&mut self) {

@@ -45,7 +45,7 @@ pub fn run(checked: &Checked) -> Result<Outcome, String> {
     let driver = Driver::new(checked.arm.parameters, checked.arm.coupling).map_err(|e| text(&e))?;
     let mut outcome = Outcome { records: Vec::new(), moves: Vec::new(), trajectory_sha256: String::new() };
     while !cell.is_finished(&fixed) {
-        let world = cell.state();
+        let world = cell.state(&fixed);
         let stamp = Stamp::new(EPOCH, cell.frame, world.time_ns, checked.acquisition.camera.shape());
         let target = eyes.see(&world, cell.frame)?;
         if let Some(job) = learner.refit_job() {
@@ -73,7 +73,8 @@ pub fn run(checked: &Checked) -> Result<Outcome, String> {
             cell.take(&fixed, frame, &message, Some(&output.state)).map_err(|e| text(&e))?;
         outcome.records.push(record);
         outcome.moves.extend(moved);
-        cell.advance(cell.time_ns + checked.simulator.cell.frame_period_ns).map_err(|e| text(&e))?;
+        let next_ns = cell.time_ns + checked.simulator.cell.frame_period_ns;
+        cell.advance(&fixed, next_ns).map_err(|e| text(&e))?;
         cell.frame += 1;
     }
     outcome.trajectory_sha256 = cell.trajectory_sha256();

@@ -73,6 +73,7 @@ pub fn view_of(world: &WorldState, frame: u64) -> View {
     View {
         camera_position: world.camera_position,
         camera_rotation: world.camera_rotation,
+        focal_px: world.focal_px,
         kind,
         target_position: world.target_position,
         target_heading: world.target_heading,

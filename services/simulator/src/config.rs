@@ -1,5 +1,6 @@
 //! Sections `[simulator]` and `[vehicle]`, and the simulated part of `[camera]`.
 
+use crate::change::Change;
 use pursuit_config::{Checker, Section};
 use pursuit_kinematics::Camera;
 use pursuit_runtime::settings;
@@ -42,6 +43,8 @@ pub struct CellConfig {
     pub path: Path,
     /// How it keeps to it.
     pub mode: Mode,
+    /// What happens to the cell in the run.
+    pub change: Change,
 }
 
 impl Config {
@@ -75,6 +78,7 @@ impl Config {
             frames: section.integer_or("frames", 0..=u64::from(u32::MAX), 0),
             path,
             mode,
+            change: Change::read(checker),
         };
         Config { run, camera, cell }
     }

@@ -5,6 +5,7 @@
 //! service that died answers after its restart, and the run goes on as if nothing had happened.
 
 pub mod cell;
+pub mod change;
 pub mod config;
 pub mod evaluation;
 pub mod journal;

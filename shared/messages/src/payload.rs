@@ -393,7 +393,7 @@ pub enum SceneKind {
 /// readings for the arm driver's simulated drives. Nothing else may read it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/WorldState/1")]
+#[type_name("pursuit/WorldState/2")]
 pub struct WorldState {
     /// Simulated time, ns (lock-step), or CLOCK_MONOTONIC of the tick (wall clock).
     pub time_ns: u64,
@@ -417,6 +417,8 @@ pub struct WorldState {
     pub camera_position: [f64; 3],
     /// Base from camera, unit quaternion (x, y, z, w); the camera looks along its +z.
     pub camera_rotation: [f64; 4],
+    /// Focal length of the camera, px.
+    pub focal_px: f64,
     /// Target's position on the table, m.
     pub target_position: [f64; 2],
     /// Target's heading, rad.

@@ -124,3 +124,66 @@ impl Eyes {
         Ok(target)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check;
+
+    /// How far the blob was seen from where it is, px, in the first frames of a run at rest; infinite where
+    /// it was not seen.
+    fn errors_px(set: &[&str]) -> Vec<f64> {
+        let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
+        let checked = check::all(&check::document(None, &set).unwrap()).unwrap();
+        let Source::Simulated(scene) = &checked.acquisition.source else { unreachable!() };
+        let fixed = Fixed::new(&checked.simulator.cell).unwrap();
+        let mut cell = Cell::new(&fixed).unwrap();
+        let mut eyes = Eyes::new(&checked, Scene::new(scene)).unwrap();
+        let error = |frame: u64| {
+            cell.frame = frame;
+            let world = cell.state(&fixed);
+            let blob = eyes.see(&world, frame).unwrap().blob;
+            let [u, v] = truth_px(&world);
+            if blob.found == 1 { (blob.u - u).hypot(blob.v - v) } else { f64::INFINITY }
+        };
+        (0..60).map(error).collect()
+    }
+
+    /// The pinhole equation for a camera that looks straight down.
+    fn truth_px(world: &WorldState) -> [f64; 2] {
+        let [x, y, _, _] = world.camera_rotation;
+        let yaw = 2.0 * y.atan2(x);
+        let offset = [0, 1].map(|k| world.target_position[k] - world.camera_position[k]);
+        let scale = world.focal_px / world.camera_position[2];
+        let (sin, cos) = yaw.sin_cos();
+        [
+            255.5 + scale * (cos * offset[0] + sin * offset[1]),
+            255.5 + scale * (sin * offset[0] - cos * offset[1]),
+        ]
+    }
+
+    #[test]
+    fn a_glare_on_every_frame_misleads_and_none_does_not() {
+        let clear = errors_px(&["run.seed=4"]);
+        assert!(clear.iter().all(|error| *error < 1.0), "{clear:?}");
+        let glaring = errors_px(&["run.seed=4", "simulator.glare_share=1.0"]);
+        let wrong = glaring.iter().filter(|error| **error > 10.0 && error.is_finite()).count();
+        assert!(wrong >= 57, "{wrong} of 60 are wrong: {glaring:?}");
+        let some = errors_px(&["run.seed=4", "simulator.glare_share=0.2"]);
+        let wrong = some.iter().filter(|error| **error > 10.0).count();
+        assert!((4..=22).contains(&wrong), "{wrong} of 60");
+    }
+
+    #[test]
+    fn a_changed_lens_and_a_turned_camera_are_what_is_rendered() {
+        let set = [
+            "run.seed=4",
+            "change.when=start",
+            "change.mount_deg=90",
+            "change.focal_factor=0.7",
+            "change.forearm_factor=1.1",
+        ];
+        let errors = errors_px(&set);
+        assert!(errors.iter().all(|error| *error < 1.0), "{errors:?}");
+    }
+}

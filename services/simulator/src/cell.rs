@@ -5,6 +5,7 @@
 use crate::change::When;
 use crate::config::CellConfig;
 use crate::evaluation::Evaluation;
+use crate::glare::glare;
 use crate::journal::{MoveRecord, Record};
 use crate::placement::{place_blob, start_pose};
 use pursuit_kinematics::{Arm, Coupling, Rig};
@@ -151,9 +152,15 @@ impl Cell {
                 (SceneKind::Vehicle, pose.position, pose.heading, pose.velocity)
             }
         };
+        let config = &fixed.config;
+        let height_m = camera.translation[2];
+        let glare = glare(config.seed, self.frame, config.glare_share, rig.camera(), height_m);
         WorldState {
             time_ns: self.time_ns,
             exposes: 1,
+            glares: u32::from(glare.is_some()),
+            glare_px: glare.map_or([0.0; 2], |glare| glare.centre_px),
+            glare_radius_px: glare.map_or(0.0, |glare| glare.radius_px),
             scene: scene as u32,
             position: self.world.positions(),
             velocity: self.world.velocities(),
@@ -253,6 +260,7 @@ impl Cell {
             aimed_m: rig.camera_xy(command.set_point.position),
             in_view: u32::from(seen.is_some_and(|point| rig.camera().sees(point))),
             changed: u32::from(self.changed),
+            glare: state.glares,
             ..Record::default()
         }
     }

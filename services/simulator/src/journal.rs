@@ -37,6 +37,8 @@ pub struct Record {
     pub in_view: u32,
     /// 1 from the scheduled change of the cell on.
     pub changed: u32,
+    /// 1 where there was a glare on the lens.
+    pub glare: u32,
     /// Computing time per hop, µs, as in [`HOPS`].
     pub compute_us: [f64; 5],
     /// Waiting time before each hop, µs.
@@ -70,7 +72,7 @@ impl Record {
     /// The columns' names.
     pub fn header() -> String {
         let mut text = String::from(
-            "frame,time_s,phase,moves,detected,refusal,camera_x_m,camera_y_m,target_x_m,target_y_m,aimed_x_m,aimed_y_m,in_view,changed",
+            "frame,time_s,phase,moves,detected,refusal,camera_x_m,camera_y_m,target_x_m,target_y_m,aimed_x_m,aimed_y_m,in_view,changed,glare",
         );
         for hop in HOPS {
             let name = hop.name();
@@ -84,7 +86,7 @@ impl Record {
     pub fn write(&self, text: &mut String) {
         let _ = write!(
             text,
-            "{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
+            "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
             self.frame,
             self.time_s,
             self.phase,
@@ -99,6 +101,7 @@ impl Record {
             self.aimed_m[1],
             self.in_view,
             self.changed,
+            self.glare,
         );
         for hop in 0..HOPS.len() {
             let _ = write!(text, ",{},{}", self.compute_us[hop], self.wait_us[hop]);
@@ -121,6 +124,7 @@ impl Record {
             aimed_m: [field(&mut fields)?, field(&mut fields)?],
             in_view: field(&mut fields)?,
             changed: field(&mut fields)?,
+            glare: field(&mut fields)?,
             ..Record::default()
         };
         for hop in 0..HOPS.len() {

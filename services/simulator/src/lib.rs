@@ -8,6 +8,7 @@ pub mod cell;
 pub mod change;
 pub mod config;
 pub mod evaluation;
+pub mod glare;
 pub mod journal;
 mod lockstep;
 pub mod placement;

@@ -399,8 +399,8 @@ pub struct WorldState {
     pub time_ns: u64,
     /// 1 where the camera exposes at this tick.
     pub exposes: u32,
-    /// Always 0.
-    pub reserved: u32,
+    /// 1 where there is a glare on the lens.
+    pub glares: u32,
     /// [`SceneKind`] as a number.
     pub scene: u32,
     /// 1 when the run is over.
@@ -419,6 +419,10 @@ pub struct WorldState {
     pub camera_rotation: [f64; 4],
     /// Focal length of the camera, px.
     pub focal_px: f64,
+    /// Middle of the glare, pixels (right, down).
+    pub glare_px: [f64; 2],
+    /// Its radius, px.
+    pub glare_radius_px: f64,
     /// Target's position on the table, m.
     pub target_position: [f64; 2],
     /// Target's heading, rad.

@@ -18,6 +18,15 @@ pub enum Kind {
     Vehicle,
 }
 
+/// A reflection on the lens: a disc of the brightest white that hides what is behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glare {
+    /// Its middle in the image (right, down), pixels.
+    pub centre_px: [f64; 2],
+    /// Its radius, pixels.
+    pub radius_px: f64,
+}
+
 /// One exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
@@ -33,6 +42,8 @@ pub struct View {
     pub target_position: [f64; 2],
     /// Direction of the target's long axis from the base's x axis, radians.
     pub target_heading: f64,
+    /// The glare on the lens, if there is one.
+    pub glare: Option<Glare>,
     /// Number of the frame: the noise is a function of it, of the row and of the seed.
     pub frame: u64,
     /// Simulated time of the exposure's middle, nanoseconds: the lamps' flicker is a function of it.
@@ -52,6 +63,7 @@ impl View {
             kind,
             target_position: [position[0], position[1]],
             target_heading: 0.0,
+            glare: None,
             frame: 0,
             time_ns: 0,
         }
@@ -168,11 +180,14 @@ impl Camera {
 }
 
 fn check_finite(view: &View) -> Result<(), ViewError> {
-    let fields: [(&'static str, &[f64]); 4] = [
+    let glare =
+        view.glare.map_or([0.0; 3], |glare| [glare.centre_px[0], glare.centre_px[1], glare.radius_px]);
+    let fields: [(&'static str, &[f64]); 5] = [
         ("camera_position", &view.camera_position),
         ("camera_rotation", &view.camera_rotation),
         ("target_position", &view.target_position),
         ("target_heading", &[view.target_heading]),
+        ("glare", &glare),
     ];
     for (field, numbers) in fields {
         if !numbers.iter().all(|x| x.is_finite()) {

@@ -22,6 +22,7 @@ pub fn cell_config() -> CellConfig {
         latency_ns: 80_000_000,
         substeps: 1,
         frames: 0,
+        glare_share: 0.0,
         path: Path::Circle {
             centre: [0.63, 0.0],
             radius_m: 0.2,

@@ -45,7 +45,7 @@ pub fn run(checked: &Checked) -> Result<Outcome, String> {
     let driver = Driver::new(checked.arm.parameters, checked.arm.coupling).map_err(|e| text(&e))?;
     let mut outcome = Outcome { records: Vec::new(), moves: Vec::new(), trajectory_sha256: String::new() };
     while !cell.is_finished(&fixed) {
-        let world = cell.state();
+        let world = cell.state(&fixed);
         let stamp = Stamp::new(EPOCH, cell.frame, world.time_ns, checked.acquisition.camera.shape());
         let target = eyes.see(&world, cell.frame)?;
         if let Some(job) = learner.refit_job() {
@@ -73,7 +73,8 @@ pub fn run(checked: &Checked) -> Result<Outcome, String> {
             cell.take(&fixed, frame, &message, Some(&output.state)).map_err(|e| text(&e))?;
         outcome.records.push(record);
         outcome.moves.extend(moved);
-        cell.advance(cell.time_ns + checked.simulator.cell.frame_period_ns).map_err(|e| text(&e))?;
+        let next_ns = cell.time_ns + checked.simulator.cell.frame_period_ns;
+        cell.advance(&fixed, next_ns).map_err(|e| text(&e))?;
         cell.frame += 1;
     }
     outcome.trajectory_sha256 = cell.trajectory_sha256();
@@ -121,5 +122,68 @@ impl Eyes {
         let older = self.older.get_or_insert_with(|| vec![0; width * height]);
         std::mem::swap(older, &mut self.newer);
         Ok(target)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check;
+
+    /// How far the blob was seen from where it is, px, in the first frames of a run at rest; infinite where
+    /// it was not seen.
+    fn errors_px(set: &[&str]) -> Vec<f64> {
+        let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
+        let checked = check::all(&check::document(None, &set).unwrap()).unwrap();
+        let Source::Simulated(scene) = &checked.acquisition.source else { unreachable!() };
+        let fixed = Fixed::new(&checked.simulator.cell).unwrap();
+        let mut cell = Cell::new(&fixed).unwrap();
+        let mut eyes = Eyes::new(&checked, Scene::new(scene)).unwrap();
+        let error = |frame: u64| {
+            cell.frame = frame;
+            let world = cell.state(&fixed);
+            let blob = eyes.see(&world, frame).unwrap().blob;
+            let [u, v] = truth_px(&world);
+            if blob.found == 1 { (blob.u - u).hypot(blob.v - v) } else { f64::INFINITY }
+        };
+        (0..60).map(error).collect()
+    }
+
+    /// The pinhole equation for a camera that looks straight down.
+    fn truth_px(world: &WorldState) -> [f64; 2] {
+        let [x, y, _, _] = world.camera_rotation;
+        let yaw = 2.0 * y.atan2(x);
+        let offset = [0, 1].map(|k| world.target_position[k] - world.camera_position[k]);
+        let scale = world.focal_px / world.camera_position[2];
+        let (sin, cos) = yaw.sin_cos();
+        [
+            255.5 + scale * (cos * offset[0] + sin * offset[1]),
+            255.5 + scale * (sin * offset[0] - cos * offset[1]),
+        ]
+    }
+
+    #[test]
+    fn a_glare_on_every_frame_misleads_and_none_does_not() {
+        let clear = errors_px(&["run.seed=4"]);
+        assert!(clear.iter().all(|error| *error < 1.0), "{clear:?}");
+        let glaring = errors_px(&["run.seed=4", "simulator.glare_share=1.0"]);
+        let wrong = glaring.iter().filter(|error| **error > 10.0 && error.is_finite()).count();
+        assert!(wrong >= 57, "{wrong} of 60 are wrong: {glaring:?}");
+        let some = errors_px(&["run.seed=4", "simulator.glare_share=0.2"]);
+        let wrong = some.iter().filter(|error| **error > 10.0).count();
+        assert!((4..=22).contains(&wrong), "{wrong} of 60");
+    }
+
+    #[test]
+    fn a_changed_lens_and_a_turned_camera_are_what_is_rendered() {
+        let set = [
+            "run.seed=4",
+            "change.when=start",
+            "change.mount_deg=90",
+            "change.focal_factor=0.7",
+            "change.forearm_factor=1.1",
+        ];
+        let errors = errors_px(&set);
+        assert!(errors.iter().all(|error| *error < 1.0), "{errors:?}");
     }
 }

@@ -58,10 +58,38 @@ fn one_seed_gives_one_trajectory_and_another_seed_another() {
 fn one_process_gives_the_same_trajectory_as_six() {
     let place = Place::new();
     let processes = report(&place, &["--seed", "7"]);
+    assert_eq!(one_process(&place, &[]), processes["trajectory_sha256"]);
+}
+
+/// The cell changes in training, and all that disturbs a camera is on.
+#[test]
+fn a_disturbed_run_is_the_same_in_one_process_as_in_six() {
+    let disturbed: Vec<String> = [
+        "change.when=move",
+        "change.after=2",
+        "change.mount_deg=20",
+        "change.focal_factor=1.2",
+        "change.forearm_factor=1.1",
+        "simulator.glare_share=0.1",
+    ]
+    .iter()
+    .flat_map(|set| ["--set".to_owned(), (*set).to_owned()])
+    .collect();
+    let more: Vec<&str> = ["--seed", "7"].into_iter().chain(disturbed.iter().map(String::as_str)).collect();
+    let place = Place::new();
+    let processes = report(&place, &more);
+    assert_eq!(one_process(&place, &more[2..]), processes["trajectory_sha256"]);
+    let calm = Place::new();
+    assert_ne!(one_process(&calm, &[]), processes["trajectory_sha256"]);
+}
+
+/// The trajectory's hash of the run with seed 7 in one process.
+fn one_process(place: &Place, more: &[&str]) -> Value {
     let file = place.file("experiment.json");
     let output = support::pursuit()
         .args(["experiment", "tracking", "--seeds", "1", "--first-seed", "7"])
         .args(["--set", "learner.training_moves=4", "--set", &format!("simulator.frames={FRAMES}")])
+        .args(more)
         .arg("--json")
         .arg(&file)
         .arg("--plots")
@@ -69,7 +97,7 @@ fn one_process_gives_the_same_trajectory_as_six() {
         .output()
         .expect("pursuit experiment runs");
     assert!(output.status.success(), "{}", support::text(&output).1);
-    assert_eq!(json(&file)["runs"][1]["trajectory_sha256"][0], processes["trajectory_sha256"]);
+    json(&file)["runs"][1]["trajectory_sha256"][0].clone()
 }
 
 /// A run with seed 9 that lasts as long as in reality, and the file that its report will be in.

@@ -2,7 +2,7 @@
 
 use pursuit_config::Checker;
 use pursuit_runtime::settings;
-use pursuit_scene::{CONTRAST_SD, FOCAL_PX, Lighting, NOISE_SIGMA, SceneParameters};
+use pursuit_scene::{CONTRAST_SD, Lighting, NOISE_SIGMA, SceneParameters};
 use std::path::PathBuf;
 
 /// What acquisition needs.
@@ -65,7 +65,6 @@ fn scene(checker: &Checker<'_>, camera: &settings::Camera, seed: u64) -> ScenePa
         seed,
         width: camera.width as usize,
         height: camera.height as usize,
-        focal_px: section.float_or("focal_px", 8.0..=1e5, FOCAL_PX),
         contrast_sd: section.float_or("contrast", 0.0..=73.0, CONTRAST_SD),
         noise_sigma: section.float_or("noise", 0.0..=50.0, NOISE_SIGMA),
         lighting: Lighting {

@@ -5,7 +5,7 @@ use pursuit_bus::{Bus, BusError, Subscriber, wait};
 use pursuit_messages::topics::WorldStates;
 use pursuit_messages::{SceneKind, WorldState};
 use pursuit_runtime::settings::Clock;
-use pursuit_scene::{Kind, Scene, SceneParameters, View};
+use pursuit_scene::{Glare, Kind, Scene, SceneParameters, View};
 use std::time::Duration;
 
 /// Renders the world's frames. In lock-step every exposure is rendered, also one that is asked for again;
@@ -70,12 +70,15 @@ impl Camera for SimulatedCamera {
 /// What the camera sees of a world at the exposure of `frame`.
 pub fn view_of(world: &WorldState, frame: u64) -> View {
     let kind = if world.scene == SceneKind::Blob as u32 { Kind::Blob } else { Kind::Vehicle };
+    let glare = Glare { centre_px: world.glare_px, radius_px: world.glare_radius_px };
     View {
         camera_position: world.camera_position,
         camera_rotation: world.camera_rotation,
+        focal_px: world.focal_px,
         kind,
         target_position: world.target_position,
         target_heading: world.target_heading,
+        glare: (world.glares == 1).then_some(glare),
         frame,
         time_ns: world.time_ns,
     }

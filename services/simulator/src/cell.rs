@@ -2,11 +2,13 @@
 //! command goes in, the next frame's world comes out. Serialisable as a whole, so that a simulator that
 //! was killed goes on to the bit.
 
+use crate::change::When;
 use crate::config::CellConfig;
 use crate::evaluation::Evaluation;
+use crate::glare::glare;
 use crate::journal::{MoveRecord, Record};
 use crate::placement::{place_blob, start_pose};
-use pursuit_kinematics::{Arm, Coupling};
+use pursuit_kinematics::{Arm, Coupling, Rig};
 use pursuit_learning::Normalisation;
 use pursuit_messages::payload::{JOINTS, MAX_CYCLES};
 use pursuit_messages::{LearnerState, Phase, SceneKind, WorldCommand, WorldState};
@@ -33,6 +35,12 @@ pub enum CellError {
 pub struct Fixed {
     config: CellConfig,
     coupling: Coupling,
+    setups: [Setup; 2],
+}
+
+/// Arm and camera as they are, and what a perfect map of them would be.
+struct Setup {
+    rig: Rig,
     evaluation: Evaluation,
 }
 
@@ -54,6 +62,10 @@ pub struct Cell {
     pub tracked: u64,
     /// The frame answered last.
     answered: Option<u64>,
+    /// Exposure of the first tracking frame, ns.
+    tracking_since_ns: Option<u64>,
+    /// Whether the scheduled change has come.
+    changed: bool,
     /// Chain of SHA-256 over the trajectory so far.
     trajectory: [u8; 32],
 }
@@ -80,8 +92,17 @@ impl Fixed {
     pub fn new(config: &CellConfig) -> Result<Fixed, CellError> {
         let coupling = Coupling::new(&Arm::puma_like(), config.camera_height_m)?;
         let half_width_px = f64::from(config.camera.width) / 2.0;
-        let evaluation = Evaluation::new(&coupling, &config.camera, Normalisation { half_width_px });
-        Ok(Fixed { config: config.clone(), coupling, evaluation })
+        let setup = |rig: Rig| {
+            let evaluation = Evaluation::new(&rig, Normalisation { half_width_px });
+            Setup { rig, evaluation }
+        };
+        let at_first = Rig::new(&coupling, coupling.arm(), &config.camera);
+        let changed = config.change.rig(&coupling, &config.camera);
+        Ok(Fixed { config: config.clone(), coupling, setups: [setup(at_first), setup(changed)] })
+    }
+
+    fn setup(&self, changed: bool) -> &Setup {
+        &self.setups[usize::from(changed)]
     }
 }
 
@@ -95,10 +116,10 @@ impl Cell {
         let theta = start_pose(&fixed.coupling, config.seed);
         let world = World::new(&WorldParameters {
             substeps: config.substeps,
-            camera_mount_rad: config.camera.mount_rad,
             ..WorldParameters::starting_at(theta, config.camera_height_m)?
         })?;
-        let blob = place_blob(&fixed.coupling, &config.camera, theta, config.seed, 0);
+        let changed = config.change.when == When::Start;
+        let blob = place_blob(&fixed.setup(changed).rig, theta, config.seed, 0);
         let vehicle = Vehicle::new(config.path.clone(), config.mode, config.seed);
         Ok(Cell {
             world,
@@ -112,13 +133,17 @@ impl Cell {
             time_ns: 0,
             tracked: 0,
             answered: None,
+            tracking_since_ns: None,
+            changed,
             trajectory: [0; 32],
         })
     }
 
     /// The world now, as the camera and the drives see it.
-    pub fn state(&self) -> WorldState {
-        let camera = self.world.base_from_camera();
+    pub fn state(&self, fixed: &Fixed) -> WorldState {
+        let rig = self.rig(fixed);
+        // A changed forearm moves the camera only: the dynamics of the arm stay the nominal ones.
+        let camera = rig.camera_pose(&self.world.positions());
         let issued = self.world.issued();
         let (scene, position, heading, velocity) = match self.scene {
             Scene::Blob => (SceneKind::Blob, self.blob, 0.0, [0.0; 2]),
@@ -127,9 +152,15 @@ impl Cell {
                 (SceneKind::Vehicle, pose.position, pose.heading, pose.velocity)
             }
         };
+        let config = &fixed.config;
+        let height_m = camera.translation[2];
+        let glare = glare(config.seed, self.frame, config.glare_share, rig.camera(), height_m);
         WorldState {
             time_ns: self.time_ns,
             exposes: 1,
+            glares: u32::from(glare.is_some()),
+            glare_px: glare.map_or([0.0; 2], |glare| glare.centre_px),
+            glare_radius_px: glare.map_or(0.0, |glare| glare.radius_px),
             scene: scene as u32,
             position: self.world.positions(),
             velocity: self.world.velocities(),
@@ -137,6 +168,7 @@ impl Cell {
             issued_velocity: issued.velocity,
             camera_position: camera.translation,
             camera_rotation: camera.rotation,
+            focal_px: rig.camera().focal_px,
             target_position: position,
             target_heading: heading,
             target_velocity: velocity,
@@ -169,17 +201,17 @@ impl Cell {
     ) -> Result<(Record, Option<MoveRecord>), CellError> {
         let record = self.record(fixed, frame, command);
         let finished_move = self.finished_move(fixed, command, learner);
-        self.chain();
+        self.chain(fixed);
         self.accept(fixed, command)?;
         self.follow_the_lesson(fixed, frame, command);
         Ok((record, finished_move))
     }
 
-    /// Moves the world on to `time_ns`.
+    /// Moves the world on to `time_ns`; what is scheduled until then happens.
     ///
     /// # Errors
     /// [`CellError::World`] where the physics diverged.
-    pub fn advance(&mut self, time_ns: u64) -> Result<(), CellError> {
+    pub fn advance(&mut self, fixed: &Fixed, time_ns: u64) -> Result<(), CellError> {
         let (vehicle, moving) = (&mut self.vehicle, self.scene == Scene::Vehicle);
         self.world.step_until(time_ns, |_| {
             if !moving {
@@ -190,12 +222,32 @@ impl Cell {
             VehiclePose { x_m: pose.position[0], y_m: pose.position[1], heading_rad: pose.heading }
         })?;
         self.time_ns = time_ns;
+        self.changed |= self.change_is_due(fixed);
         Ok(())
     }
 
+    /// Arm and camera as they are now.
+    fn rig<'a>(&self, fixed: &'a Fixed) -> &'a Rig {
+        &fixed.setup(self.changed).rig
+    }
+
+    fn change_is_due(&self, fixed: &Fixed) -> bool {
+        match fixed.config.change.when {
+            When::Never => false,
+            When::Start => true,
+            // The last move before the change counts with the cell that it was made in.
+            When::Moves(moves) => self.moves >= moves && self.ended_move.is_none(),
+            When::Tracking(after_ns) => {
+                self.tracking_since_ns.is_some_and(|since_ns| self.time_ns - since_ns >= after_ns)
+            }
+        }
+    }
+
     fn record(&self, fixed: &Fixed, frame: u64, command: &WorldCommand) -> Record {
-        let state = self.state();
-        let aim = command.set_point.position;
+        let state = self.state(fixed);
+        let rig = self.rig(fixed);
+        let [x, y] = state.target_position;
+        let seen = rig.camera().project(&rig.base_from_camera(&self.world.positions()), [x, y, 0.0]);
         Record {
             frame,
             time_s: self.time_ns as f64 / 1e9,
@@ -205,7 +257,10 @@ impl Cell {
             refusal: command.refusal,
             camera_m: [state.camera_position[0], state.camera_position[1]],
             target_m: state.target_position,
-            aimed_m: fixed.coupling.camera_xy(aim[0], aim[1]),
+            aimed_m: rig.camera_xy(command.set_point.position),
+            in_view: u32::from(seen.is_some_and(|point| rig.camera().sees(point))),
+            changed: u32::from(self.changed),
+            glare: state.glares,
             ..Record::default()
         }
     }
@@ -221,14 +276,14 @@ impl Cell {
         let ended = self.ended_move.take();
         if command.set_point.moves > self.moves {
             self.moves = command.set_point.moves;
-            let camera = self.world.base_from_camera().translation;
+            let camera = self.rig(fixed).camera_pose(&self.world.positions()).translation;
             let arrived_cm = 100.0 * (camera[0] - self.blob[0]).hypot(camera[1] - self.blob[1]);
             self.ended_move =
                 Some(EndedMove { number: self.moves, target_index: self.target_index, arrived_cm });
         }
         let (ended, learner) = (ended?, learner?);
         let weights = learner.weights.get(..learner.weight_count as usize)?;
-        let error = fixed.evaluation.one_shot_cm(weights)?;
+        let error = fixed.setup(self.changed).evaluation.one_shot_cm(weights)?;
         Some(MoveRecord {
             number: ended.number,
             frame: self.frame,
@@ -266,19 +321,21 @@ impl Cell {
         let set_point = &command.set_point;
         let phase = Phase::from_number(set_point.phase);
         self.tracked += u64::from(fresh && phase == Some(Phase::Tracking));
+        if phase == Some(Phase::Tracking) {
+            self.tracking_since_ns.get_or_insert(self.time_ns);
+        }
         if matches!(phase, Some(Phase::Homing | Phase::Tracking)) {
             self.scene = Scene::Vehicle;
         } else if set_point.target_index > self.target_index {
             self.target_index = set_point.target_index;
             let joints = self.world.positions();
-            let config = &fixed.config;
             let theta = [joints[0], joints[1]];
-            self.blob = place_blob(&fixed.coupling, &config.camera, theta, config.seed, self.target_index);
+            self.blob = place_blob(self.rig(fixed), theta, fixed.config.seed, self.target_index);
         }
     }
 
-    fn chain(&mut self) {
-        let state = self.state();
+    fn chain(&mut self, fixed: &Fixed) {
+        let state = self.state(fixed);
         let mut hash = Sha256::new();
         hash.update(self.trajectory);
         hash.update(self.frame.to_le_bytes());

@@ -1,5 +1,6 @@
 //! Sections `[simulator]` and `[vehicle]`, and the simulated part of `[camera]`.
 
+use crate::change::Change;
 use pursuit_config::{Checker, Section};
 use pursuit_kinematics::Camera;
 use pursuit_runtime::settings;
@@ -38,10 +39,14 @@ pub struct CellConfig {
     pub substeps: usize,
     /// Tracking frames after which the run is over, 0 for never.
     pub frames: u64,
+    /// Share of the frames with a glare on the lens.
+    pub glare_share: f64,
     /// Where the vehicle goes.
     pub path: Path,
     /// How it keeps to it.
     pub mode: Mode,
+    /// What happens to the cell in the run.
+    pub change: Change,
 }
 
 impl Config {
@@ -73,8 +78,10 @@ impl Config {
             latency_ns: (section.float_or("latency_ms", 0.0..=1000.0, LATENCY_MS) * 1e6).round() as u64,
             substeps: section.integer_or("substeps", 1..=16, 1),
             frames: section.integer_or("frames", 0..=u64::from(u32::MAX), 0),
+            glare_share: section.float_or("glare_share", 0.0..=1.0, 0.0),
             path,
             mode,
+            change: Change::read(checker),
         };
         Config { run, camera, cell }
     }

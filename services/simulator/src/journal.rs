@@ -33,6 +33,12 @@ pub struct Record {
     pub target_m: [f64; 2],
     /// Where the set-point would bring the camera, m: the measured target through the learnt map.
     pub aimed_m: [f64; 2],
+    /// 1 where the target's place was within the image.
+    pub in_view: u32,
+    /// 1 from the scheduled change of the cell on.
+    pub changed: u32,
+    /// 1 where there was a glare on the lens.
+    pub glare: u32,
     /// Computing time per hop, µs, as in [`HOPS`].
     pub compute_us: [f64; 5],
     /// Waiting time before each hop, µs.
@@ -66,7 +72,7 @@ impl Record {
     /// The columns' names.
     pub fn header() -> String {
         let mut text = String::from(
-            "frame,time_s,phase,moves,detected,refusal,camera_x_m,camera_y_m,target_x_m,target_y_m,aimed_x_m,aimed_y_m",
+            "frame,time_s,phase,moves,detected,refusal,camera_x_m,camera_y_m,target_x_m,target_y_m,aimed_x_m,aimed_y_m,in_view,changed,glare",
         );
         for hop in HOPS {
             let name = hop.name();
@@ -80,7 +86,7 @@ impl Record {
     pub fn write(&self, text: &mut String) {
         let _ = write!(
             text,
-            "{},{},{},{},{},{},{},{},{},{},{},{}",
+            "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
             self.frame,
             self.time_s,
             self.phase,
@@ -93,6 +99,9 @@ impl Record {
             self.target_m[1],
             self.aimed_m[0],
             self.aimed_m[1],
+            self.in_view,
+            self.changed,
+            self.glare,
         );
         for hop in 0..HOPS.len() {
             let _ = write!(text, ",{},{}", self.compute_us[hop], self.wait_us[hop]);
@@ -113,6 +122,9 @@ impl Record {
             camera_m: [field(&mut fields)?, field(&mut fields)?],
             target_m: [field(&mut fields)?, field(&mut fields)?],
             aimed_m: [field(&mut fields)?, field(&mut fields)?],
+            in_view: field(&mut fields)?,
+            changed: field(&mut fields)?,
+            glare: field(&mut fields)?,
             ..Record::default()
         };
         for hop in 0..HOPS.len() {

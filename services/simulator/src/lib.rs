@@ -5,8 +5,10 @@
 //! service that died answers after its restart, and the run goes on as if nothing had happened.
 
 pub mod cell;
+pub mod change;
 pub mod config;
 pub mod evaluation;
+pub mod glare;
 pub mod journal;
 mod lockstep;
 pub mod placement;

@@ -20,7 +20,7 @@ const ASK_AGAIN_NS: u64 = 100_000_000;
 /// Lock-step epochs have no start time: the same run has the same epoch.
 const EPOCH: u64 = 1;
 /// Version of what is checkpointed.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 /// Room for a checkpoint; a cell takes about 20 kB.
 const CHECKPOINT_BYTES: usize = 1 << 18;
 
@@ -43,7 +43,7 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
     let anchor_ns = monotonic_ns().saturating_sub(cell.time_ns);
     let mut before: Option<Question> = None;
     while !cell.is_finished(&fixed) {
-        let question = Question::of(&cell, config);
+        let question = Question::of(&cell, &fixed, config);
         let ports = (&worlds, &commands, &learner);
         let Some((stamp, command, state)) = ask(&mut station, &question, before.as_ref(), ports)? else {
             return Ok(());
@@ -54,7 +54,7 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
         record.take_times(&stamp);
         station.answered(cell.frame);
         let next_ns = cell.time_ns + config.cell.frame_period_ns;
-        cell.advance(next_ns).map_err(other)?;
+        cell.advance(&fixed, next_ns).map_err(other)?;
         cell.frame += 1;
         log.write(&cell, &record, finished_move)?;
         if config.run.pace == Pace::Real {
@@ -75,9 +75,9 @@ struct Question {
 }
 
 impl Question {
-    fn of(cell: &Cell, config: &Config) -> Question {
+    fn of(cell: &Cell, fixed: &Fixed, config: &Config) -> Question {
         let stamp = Stamp::new(EPOCH, cell.frame, cell.time_ns, config.camera.shape());
-        Question { stamp, state: cell.state() }
+        Question { stamp, state: cell.state(fixed) }
     }
 }
 

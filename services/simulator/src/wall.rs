@@ -36,7 +36,7 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
         cell.frame = tick / cycles_per_frame;
         let exposure_ns = anchor_ns + cell.frame * config.cell.frame_period_ns;
         let stamp = Stamp::new(epoch, cell.frame, exposure_ns, config.camera.shape());
-        let mut state = cell.state();
+        let mut state = cell.state(&fixed);
         state.time_ns = anchor_ns + cell.time_ns;
         state.exposes = u32::from(exposes);
         worlds.publish(&stamp, &state)?;
@@ -79,7 +79,7 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
             }
         }
         sleep_until_ns(next_ns);
-        cell.advance(cell.time_ns + CYCLE_NS).map_err(other)?;
+        cell.advance(&fixed, cell.time_ns + CYCLE_NS).map_err(other)?;
         tick += 1;
         let late = monotonic_ns().saturating_sub(anchor_ns + cell.time_ns);
         if late > RE_ANCHOR_NS {

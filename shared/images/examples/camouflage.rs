@@ -23,13 +23,8 @@ const VEHICLE_STEP_M: [f64; 2] = [-0.006, 0.009];
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::args().nth(1).ok_or("usage: camouflage FOLDER")?;
     std::fs::create_dir_all(&folder)?;
-    let parameters = SceneParameters {
-        seed: 1994,
-        width: WIDTH,
-        height: HEIGHT,
-        focal_px: FOCAL_PX,
-        ..SceneParameters::default()
-    };
+    let parameters =
+        SceneParameters { seed: 1994, width: WIDTH, height: HEIGHT, ..SceneParameters::default() };
     let mut scene = Scene::new(&parameters);
     let mut pixels = vec![0; WIDTH * HEIGHT];
     let mut truth = Vec::new();
@@ -41,6 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             target_position: vehicle,
             target_heading: VEHICLE_STEP_M[1].atan2(VEHICLE_STEP_M[0]),
             frame: frame as u64,
+            focal_px: FOCAL_PX,
             ..View::looking_down([camera[0], camera[1], HEIGHT_M], 0.0, Kind::Vehicle)
         };
         scene.render(&view, &mut pixels, WIDTH)?;

@@ -60,6 +60,12 @@ impl Arm {
         }
     }
 
+    /// This arm with a forearm (d4, from elbow to wrist) `factor` times as long.
+    pub fn with_forearm(mut self, factor: f64) -> Arm {
+        self.links[3].d_m *= factor;
+        self
+    }
+
     /// Poses of the six link frames (DH frames 1 to 6) in the base frame for joint angles
     /// `position_rad`; the last is the flange.
     pub fn base_from_links(&self, position_rad: &[f64; JOINTS]) -> [Isometry3<f64>; JOINTS] {

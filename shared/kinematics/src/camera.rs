@@ -69,6 +69,26 @@ impl Camera {
     }
 }
 
+/// A camera in the base frame as plain numbers: it looks along its +z, image x to its +x.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraPose {
+    /// m.
+    pub translation: [f64; 3],
+    /// Unit quaternion (x, y, z, w), w not negative.
+    pub rotation: [f64; 4],
+}
+
+impl From<Isometry3<f64>> for CameraPose {
+    fn from(base_from_camera: Isometry3<f64>) -> CameraPose {
+        let q = base_from_camera.rotation.quaternion();
+        let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+        CameraPose {
+            translation: base_from_camera.translation.vector.into(),
+            rotation: [q.i, q.j, q.k, q.w].map(|part| sign * part),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -281,7 +281,7 @@ fn check_structure(arm: &Arm) -> Result<(), CouplingError> {
 }
 
 /// The same angle in (-pi, pi].
-fn wrapped(angle_rad: f64) -> f64 {
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     let angle = angle_rad.rem_euclid(TAU);
     if angle > PI { angle - TAU } else { angle }
 }

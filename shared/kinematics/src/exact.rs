@@ -14,11 +14,7 @@ pub fn exact_move(
     centred_px: [f64; 2],
     theta2_rad: f64,
 ) -> Option<[f64; 2]> {
-    let metres_per_px = coupling.camera_height_m() / camera.focal_px;
-    let (sin, cos) = camera.mount_rad.sin_cos();
-    // u: radial offset of the point from the camera's axis; v: against the turn of joint 1.
-    let u = metres_per_px * (cos * centred_px[0] - sin * centred_px[1]);
-    let v = metres_per_px * (sin * centred_px[0] + cos * centred_px[1]);
+    let [u, v] = table_offset(camera, coupling.camera_height_m(), centred_px);
     let d3 = coupling.shoulder_offset_m();
     let point = [coupling.reach_m(theta2_rad) + u, -d3 - v];
     let squared = point[0] * point[0] + point[1] * point[1] - d3 * d3;
@@ -26,6 +22,17 @@ pub fn exact_move(
     let theta2 = coupling.theta2_for_reach(reach)?;
     coupling.joints(0.0, theta2)?;
     Some([point[1].atan2(point[0]) - (-d3).atan2(reach), theta2 - theta2_rad])
+}
+
+/// Offset on the table from the camera's axis to the point seen at `centred_px` from `height_m` above it, m:
+/// radially outward, and against the turn of joint 1.
+pub(crate) fn table_offset(camera: &Camera, height_m: f64, centred_px: [f64; 2]) -> [f64; 2] {
+    let metres_per_px = height_m / camera.focal_px;
+    let (sin, cos) = camera.mount_rad.sin_cos();
+    [
+        metres_per_px * (cos * centred_px[0] - sin * centred_px[1]),
+        metres_per_px * (sin * centred_px[0] + cos * centred_px[1]),
+    ]
 }
 
 #[cfg(test)]

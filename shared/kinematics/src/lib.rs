@@ -4,6 +4,7 @@
 //! - [`Coupling`]: joints 3 to 6 as functions of joints 1 and 2, so that the camera looks straight down
 //!   from a constant height (the paper's restriction: two joints are free).
 //! - [`Camera`]: pinhole projection, pixels to centred pixels and back.
+//! - [`Rig`]: arm and camera as they really are, where that is not what the coupling takes them for.
 //! - [`exact_move`]: the exact hand-eye map, the oracle that the learner never sees.
 //! - [`limits`]: what one drive cycle may change in position and velocity.
 //!
@@ -18,9 +19,11 @@ pub mod camera;
 pub mod coupling;
 pub mod exact;
 pub mod limits;
+pub mod rig;
 
 pub use arm::{Arm, JOINTS, Link};
-pub use camera::Camera;
+pub use camera::{Camera, CameraPose};
 pub use coupling::{Coupling, CouplingError, Envelope};
 pub use exact::exact_move;
 pub use limits::{Limits, LimitsError, Motion};
+pub use rig::Rig;

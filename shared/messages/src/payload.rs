@@ -422,14 +422,14 @@ pub enum SceneKind {
 /// readings for the arm driver's simulated drives. Nothing else may read it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/WorldState/1")]
+#[type_name("pursuit/WorldState/2")]
 pub struct WorldState {
     /// Simulated time, ns (lock-step), or CLOCK_MONOTONIC of the tick (wall clock).
     pub time_ns: u64,
     /// 1 where the camera exposes at this tick.
     pub exposes: u32,
-    /// Always 0.
-    pub reserved: u32,
+    /// 1 where there is a glare on the lens.
+    pub glares: u32,
     /// [`SceneKind`] as a number.
     pub scene: u32,
     /// 1 when the run is over.
@@ -446,6 +446,12 @@ pub struct WorldState {
     pub camera_position: [f64; 3],
     /// Base from camera, unit quaternion (x, y, z, w); the camera looks along its +z.
     pub camera_rotation: [f64; 4],
+    /// Focal length of the camera, px.
+    pub focal_px: f64,
+    /// Middle of the glare, pixels (right, down).
+    pub glare_px: [f64; 2],
+    /// Its radius, px.
+    pub glare_radius_px: f64,
     /// Target's position on the table, m.
     pub target_position: [f64; 2],
     /// Target's heading, rad.

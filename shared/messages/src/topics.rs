@@ -88,7 +88,7 @@ topic!(
 );
 topic!(
     /// The simulated world.
-    WorldStates, WorldState, "world-state/v1", kept(2, 6, 16, 2, 2)
+    WorldStates, WorldState, "world-state/v2", kept(2, 6, 16, 2, 2)
 );
 topic!(
     /// Commands to the simulated drives.

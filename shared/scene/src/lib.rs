@@ -32,4 +32,4 @@ pub use parameters::{
     REFERENCE_TEXEL_M, SceneParameters, TEXEL_M, TEXTURE_TEXELS, VEHICLE_SIZE_M,
 };
 pub use scene::Scene;
-pub use view::{Kind, View, ViewError};
+pub use view::{Glare, Kind, View, ViewError};

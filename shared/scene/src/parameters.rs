@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Side of the square frame, pixels.
 pub const FRAME_PX: usize = 512;
-/// Focal length, pixels: with [`FRAME_PX`] an opening of 90 degrees.
+/// Usual focal length, pixels: with [`FRAME_PX`] an opening of 90 degrees.
 pub const FOCAL_PX: f64 = 256.0;
 /// Side of the table's toroidal texture, texels; a power of two.
 pub const TEXTURE_TEXELS: usize = 2048;
@@ -75,8 +75,6 @@ pub struct SceneParameters {
     pub width: usize,
     /// Height of the frame, pixels, 8 to 4096.
     pub height: usize,
-    /// Focal length, pixels; the principal point is the middle of the frame.
-    pub focal_px: f64,
     /// Side of the table's texture, texels, a power of two, 256 to 8192; see [`TEXTURE_TEXELS`].
     pub texture_texels: usize,
     /// Side of a texel, metres; see [`TEXEL_M`].
@@ -101,7 +99,6 @@ impl Default for SceneParameters {
             seed: 1,
             width: FRAME_PX,
             height: FRAME_PX,
-            focal_px: FOCAL_PX,
             texture_texels: TEXTURE_TEXELS,
             texel_m: TEXEL_M,
             contrast_sd: CONTRAST_SD,
@@ -135,7 +132,6 @@ impl SceneParameters {
         };
         within("width", self.width as f64, 8.0, 4096.0)?;
         within("height", self.height as f64, 8.0, 4096.0)?;
-        within("focal_px", self.focal_px, 8.0, 1e5)?;
         let texels = self.texture_texels;
         let power = if texels.is_power_of_two() { texels as f64 } else { f64::NAN };
         within("texture_texels (a power of two)", power, 256.0, 8192.0)?;

@@ -6,13 +6,15 @@ use crate::mapping::{Homography, TexturedPlane};
 use crate::parameters::{Lighting, ParameterError, SceneParameters};
 use crate::photometry::Photometry;
 use crate::random::Random;
-use crate::solid::{disc_outline, vehicle_faces};
+use crate::solid::{disc_outline, image_disc, vehicle_faces};
 use crate::texture::{self, LEAF_MEAN, SMALLEST_TORUS_M};
 use crate::view::{Camera, Kind, View, ViewError};
 use crate::warp::RowScratch;
 
 /// Grey level of the disc: white, with room for the noise.
 pub(crate) const WHITE: f32 = 235.0;
+/// Grey level of a glare: the end of the scale.
+const GLARE: f32 = 255.0;
 /// Grey level where a pixel sees no table: above the horizon, or from below.
 const VOID: f32 = LEAF_MEAN as f32;
 /// A camera outside a box sees at most three of its faces.
@@ -34,6 +36,7 @@ pub struct Scene {
     cloth: Levels,
     photometry: Photometry,
     coverage: [Coverage; MAX_SURFACES],
+    glare: Coverage,
     scratch: RowScratch,
     ground: Vec<f32>,
     surface: Vec<f32>,
@@ -69,6 +72,7 @@ impl Scene {
             cloth: levels(texture::cloth(cloth_side, texel_m, Random::new(seed, CLOTH_STREAM))),
             photometry: Photometry::new(frame, parameters.noise_sigma, seed, Random::new(seed, NOISE_STREAM)),
             coverage: std::array::from_fn(|_| Coverage::new(frame)),
+            glare: Coverage::new(frame),
             scratch: RowScratch::new(parameters.width),
             ground: vec![0.0; parameters.width],
             surface: vec![0.0; parameters.width],
@@ -111,6 +115,10 @@ impl Scene {
         }
         let camera = Camera::new(&self.parameters, view)?;
         let surfaces = self.place_target(&camera, view);
+        self.glare.clear();
+        if let Some(glare) = view.glare {
+            self.glare.cover(&image_disc(glare.centre_px, glare.radius_px));
+        }
         let gain = self.photometry.gain_at(view.time_ns);
         let footprint = |depth: f64| depth.abs() / camera.focal_px;
         let ground = match view.kind {
@@ -139,6 +147,10 @@ impl Scene {
                     }
                 }
                 add_surface(shares, &self.surface[from..to], &mut self.ground[from..to]);
+            }
+            if let Some((from, to, shares)) = self.glare.row(y) {
+                let hidden = self.ground[from..to].iter_mut().zip(shares);
+                hidden.for_each(|(grey, share)| *grey += share * (GLARE - *grey));
             }
             self.photometry.expose(&self.ground, gain, (view.frame, y), &mut line[..width]);
         }

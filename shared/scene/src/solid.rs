@@ -85,6 +85,17 @@ pub(crate) fn disc_outline(position: [f64; 2], radius_m: f64, camera: &Camera) -
     projected(&polygon, camera)
 }
 
+/// The outline of a disc in the image itself, pixels.
+pub(crate) fn image_disc([u, v]: [f64; 2], radius_px: f64) -> Polygon<2> {
+    let step = std::f64::consts::TAU / DISC_CORNERS as f64;
+    let mut polygon = Polygon::new();
+    for i in 0..DISC_CORNERS {
+        let angle = step * i as f64;
+        polygon.push([u + radius_px * libm::cos(angle), v + radius_px * libm::sin(angle)]);
+    }
+    polygon
+}
+
 /// The image of a polygon of the camera frame, without what lies behind the camera.
 fn projected(polygon: &Polygon<3>, camera: &Camera) -> Polygon<2> {
     let mut image = Polygon::new();

@@ -2,10 +2,12 @@
 
 use std::fmt;
 
-use crate::parameters::SceneParameters;
+use crate::parameters::{FOCAL_PX, SceneParameters};
 
 /// A quaternion may be off unit length by this much before it is refused; it is normalised anyway.
 const NORM_TOLERANCE: f64 = 1e-3;
+/// Least focal length, pixels: a wider lens is no pinhole any more.
+const LEAST_FOCAL_PX: f64 = 1.0;
 
 /// Which scene is filmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +18,15 @@ pub enum Kind {
     Vehicle,
 }
 
+/// A reflection on the lens: a disc of the brightest white that hides what is behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glare {
+    /// Its middle in the image (right, down), pixels.
+    pub centre_px: [f64; 2],
+    /// Its radius, pixels.
+    pub radius_px: f64,
+}
+
 /// One exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
@@ -23,12 +34,16 @@ pub struct View {
     pub camera_position: [f64; 3],
     /// base_from_camera, a unit quaternion (x, y, z, w).
     pub camera_rotation: [f64; 4],
+    /// Focal length, pixels; the principal point is the middle of the frame.
+    pub focal_px: f64,
     /// Which scene.
     pub kind: Kind,
     /// Centre of the target's footprint on the table, base frame, metres.
     pub target_position: [f64; 2],
     /// Direction of the target's long axis from the base's x axis, radians.
     pub target_heading: f64,
+    /// The glare on the lens, if there is one.
+    pub glare: Option<Glare>,
     /// Number of the frame: the noise is a function of it, of the row and of the seed.
     pub frame: u64,
     /// Simulated time of the exposure's middle, nanoseconds: the lamps' flicker is a function of it.
@@ -37,16 +52,18 @@ pub struct View {
 
 impl View {
     /// A camera at `position` that looks straight down, turned so that the image's x axis points along
-    /// (cos `yaw`, sin `yaw`), metres and radians.
+    /// (cos `yaw`, sin `yaw`), metres and radians; its focal length is [`FOCAL_PX`].
     pub fn looking_down(position: [f64; 3], yaw: f64, kind: Kind) -> Self {
         let (s, c) = (libm::sin(0.5 * yaw), libm::cos(0.5 * yaw));
         Self {
             camera_position: position,
             // rotation by yaw about z after half a turn about x
             camera_rotation: [c, s, 0.0, 0.0],
+            focal_px: FOCAL_PX,
             kind,
             target_position: [position[0], position[1]],
             target_heading: 0.0,
+            glare: None,
             frame: 0,
             time_ns: 0,
         }
@@ -60,6 +77,11 @@ pub enum ViewError {
     NotFinite {
         /// Which field of the view.
         field: &'static str,
+    },
+    /// No lens has this focal length.
+    FocalLength {
+        /// Pixels.
+        focal_px: f64,
     },
     /// The camera's quaternion is not of unit length.
     NotARotation {
@@ -86,6 +108,9 @@ impl fmt::Display for ViewError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotFinite { field } => write!(f, "{field} of the view is not finite"),
+            Self::FocalLength { focal_px } => {
+                write!(f, "a focal length of {focal_px} px, permitted is {LEAST_FOCAL_PX} or more")
+            }
             Self::NotARotation { norm } => {
                 write!(f, "camera_rotation has length {norm}, a rotation has length 1")
             }
@@ -118,12 +143,15 @@ impl Camera {
     /// The camera of `parameters` at the pose of `view`.
     ///
     /// # Errors
-    /// A pose that is not finite or not a rotation.
+    /// A pose that is not finite or not a rotation, a focal length that is none.
     pub(crate) fn new(parameters: &SceneParameters, view: &View) -> Result<Self, ViewError> {
         check_finite(view)?;
         let norm = view.camera_rotation.iter().map(|q| q * q).sum::<f64>().sqrt();
         if (norm - 1.0).abs() > NORM_TOLERANCE {
             return Err(ViewError::NotARotation { norm });
+        }
+        if !(view.focal_px >= LEAST_FOCAL_PX && view.focal_px.is_finite()) {
+            return Err(ViewError::FocalLength { focal_px: view.focal_px });
         }
         let [x, y, z, w] = view.camera_rotation.map(|q| q / norm);
         Ok(Self {
@@ -133,7 +161,7 @@ impl Camera {
                 [2.0 * (x * y - z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + x * w)],
                 [2.0 * (x * z + y * w), 2.0 * (y * z - x * w), 1.0 - 2.0 * (x * x + y * y)],
             ],
-            focal_px: parameters.focal_px,
+            focal_px: view.focal_px,
             principal: [0.5 * (parameters.width as f64 - 1.0), 0.5 * (parameters.height as f64 - 1.0)],
         })
     }
@@ -152,11 +180,14 @@ impl Camera {
 }
 
 fn check_finite(view: &View) -> Result<(), ViewError> {
-    let fields: [(&'static str, &[f64]); 4] = [
+    let glare =
+        view.glare.map_or([0.0; 3], |glare| [glare.centre_px[0], glare.centre_px[1], glare.radius_px]);
+    let fields: [(&'static str, &[f64]); 5] = [
         ("camera_position", &view.camera_position),
         ("camera_rotation", &view.camera_rotation),
         ("target_position", &view.target_position),
         ("target_heading", &[view.target_heading]),
+        ("glare", &glare),
     ];
     for (field, numbers) in fields {
         if !numbers.iter().all(|x| x.is_finite()) {
@@ -201,5 +232,7 @@ mod tests {
         let mut view = View::looking_down([0.6, 0.1, 0.5], 0.0, Kind::Blob);
         view.camera_rotation = [0.0; 4];
         assert_eq!(Camera::new(&parameters, &view).unwrap_err(), ViewError::NotARotation { norm: 0.0 });
+        let view = View { focal_px: 0.0, ..View::looking_down([0.6, 0.1, 0.5], 0.0, Kind::Blob) };
+        assert_eq!(Camera::new(&parameters, &view).unwrap_err(), ViewError::FocalLength { focal_px: 0.0 });
     }
 }

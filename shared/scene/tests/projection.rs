@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Image, SMOOTH_PX, about, blurred, noiseless, product, project, render};
-use pursuit_scene::{Kind, Scene, SceneParameters, View};
+use pursuit_scene::{Glare, Kind, Scene, SceneParameters, View};
 
 /// Poses of the camera: position, turn about the vertical, tilts about the camera's own axes.
 const POSES: [([f64; 3], f64, f64, f64); 6] = [
@@ -186,6 +186,44 @@ fn no_border_shows_anywhere_within_a_metre_and_a_half() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn a_glare_is_where_it_is_said_to_be_and_changes_nothing_else() {
+    let mut scene = Scene::new(&noiseless());
+    for kind in [Kind::Blob, Kind::Vehicle] {
+        let view = View::looking_down([0.6, 0.1, 0.5], 0.4, kind);
+        let glare = Glare { centre_px: [130.5, 300.25], radius_px: 25.0 };
+        let clear = render(&mut scene, &view);
+        let glaring = render(&mut scene, &View { glare: Some(glare), ..view });
+        for y in 0..512 {
+            for x in 0..512 {
+                let distance = (x as f64 - 130.5).hypot(y as f64 - 300.25);
+                // The rim is some pixels of lens blur.
+                if distance < 21.0 {
+                    assert_eq!(glaring.at(x, y), 255.0, "{x} {y}");
+                } else if distance > 29.0 {
+                    assert_eq!(glaring.at(x, y), clear.at(x, y), "{x} {y}");
+                }
+            }
+        }
+        // What was drawn before leaves no trace.
+        assert_eq!(render(&mut scene, &view).grey, clear.grey);
+    }
+}
+
+#[test]
+fn a_longer_lens_shows_the_middle_enlarged() {
+    let mut scene = Scene::new(&noiseless());
+    let mut view = View::looking_down([0.6, 0.1, 0.5], 0.4, Kind::Blob);
+    view.target_position = [0.65, 0.06];
+    let usual = bright_centroid(&render(&mut scene, &view));
+    view.focal_px = 512.0;
+    let long = bright_centroid(&render(&mut scene, &view));
+    for axis in 0..2 {
+        let expected = 255.5 + 2.0 * (usual[axis] - 255.5);
+        assert!((long[axis] - expected).abs() < 0.1, "{long:?}, {usual:?}");
     }
 }
 

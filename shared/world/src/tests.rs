@@ -1,5 +1,5 @@
 use super::*;
-use pursuit_kinematics::{Arm, Coupling, JOINTS};
+use pursuit_kinematics::{Arm, CameraPose, Coupling, JOINTS};
 
 const MS: u64 = 1_000_000;
 const CYCLE_NS: u64 = 10 * MS;
@@ -91,7 +91,7 @@ fn at_rest_nothing_moves() {
 #[test]
 fn the_camera_is_where_the_joints_put_it() {
     let world = World::new(&parameters(FAST_SUBSTEPS)).unwrap();
-    let pose = world.base_from_camera();
+    let pose = CameraPose::from(world.parameters().arm.base_from_camera(&world.positions(), 0.0));
     let expected = [0.671591, -0.15005, 0.5];
     for (is, expected) in pose.translation.iter().zip(expected) {
         assert!((is - expected).abs() < 2e-6, "{pose:?}");
@@ -161,8 +161,8 @@ fn what_is_not_finite_never_reaches_the_physics() {
     assert_eq!(refused, Err(WorldError::Refused(CyclesError::NotFinite { index: 0 })));
     let nowhere = |_| VehiclePose { x_m: f64::NAN, ..VehiclePose::PARKED };
     assert_eq!(world.step_until(MS, nowhere), Err(WorldError::Vehicle { time_ns: 0 }));
-    let heavy = WorldParameters { camera_mount_rad: f64::NAN, ..parameters(1) };
-    assert!(matches!(World::new(&heavy), Err(WorldError::Parameters(_))));
+    let timeless = WorldParameters { step_ns: 0, ..parameters(1) };
+    assert!(matches!(World::new(&timeless), Err(WorldError::Parameters(_))));
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn the_table_stops_the_camera() {
     world.accept(&[cycle]).unwrap();
     world.step_until(5000 * MS, parked).unwrap();
     assert!(world.touching());
-    let height = world.base_from_camera().translation[2];
+    let height = arm.base_from_camera(&world.positions(), 0.0).translation.vector.z;
     // The camera's housing has a radius of 35 mm.
     assert!(height > 0.02, "the camera is at {height} m");
 }

@@ -24,21 +24,10 @@ pub struct WorldParameters {
     pub drives: [Drive; JOINTS],
     /// Where its joints stand at the start, rad.
     pub start_rad: [f64; JOINTS],
-    /// Angle of the camera on the flange, rad.
-    pub camera_mount_rad: f64,
     /// Length of a step, ns.
     pub step_ns: u64,
     /// Substeps of a step: [`FAST_SUBSTEPS`] or [`HARDWARE_SUBSTEPS`].
     pub substeps: usize,
-}
-
-/// Camera in the base frame: it looks along its +z, image x to its +x.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CameraPose {
-    /// m.
-    pub translation: [f64; 3],
-    /// Unit quaternion (x, y, z, w), w not negative.
-    pub rotation: [f64; 4],
 }
 
 /// Why the world does not go on.
@@ -97,7 +86,6 @@ impl WorldParameters {
             masses: PUMA_MASSES,
             drives: PUMA_DRIVES,
             start_rad,
-            camera_mount_rad: 0.0,
             step_ns: STEP_NS,
             substeps: FAST_SUBSTEPS,
         })
@@ -110,9 +98,6 @@ impl WorldParameters {
         }
         if !self.arm.within_limits(&self.start_rad) {
             return refused("the start pose is outside the joints' position limits");
-        }
-        if !self.camera_mount_rad.is_finite() {
-            return refused("the camera's mount angle is not finite");
         }
         let driven = self.drives.iter().all(|drive| {
             let positive = [
@@ -242,17 +227,6 @@ impl World {
     /// Whether the arm touches the table or the vehicle.
     pub fn touching(&self) -> bool {
         self.bodies.touching()
-    }
-
-    /// The camera's pose for the measured joint positions.
-    pub fn base_from_camera(&self) -> CameraPose {
-        let pose = self.parameters.arm.base_from_camera(&self.positions(), self.parameters.camera_mount_rad);
-        let q = pose.rotation.quaternion();
-        let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
-        CameraPose {
-            translation: pose.translation.vector.into(),
-            rotation: [q.i, q.j, q.k, q.w].map(|part| sign * part),
-        }
     }
 
     /// Hash (FNV-1a) over time, joint state and body poses: equal worlds, equal hashes.

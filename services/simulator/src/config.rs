@@ -5,9 +5,12 @@ use pursuit_config::{Checker, Section};
 use pursuit_kinematics::Camera;
 use pursuit_runtime::settings;
 use pursuit_scene::paths::{Arena, Disturbance, Mode, Path};
+use pursuit_world::STEP_NS;
 
 /// Drive cycle of the simulated arm, ns.
 pub const CYCLE_NS: u64 = 10_000_000;
+/// Largest offset of the camera's clock, ms.
+const MAX_CLOCK_OFFSET_MS: f64 = 40.0;
 /// Simulated time from a command to its first effect where none is configured, ms: the paper's delay.
 pub const LATENCY_MS: f64 = 80.0;
 
@@ -33,6 +36,9 @@ pub struct CellConfig {
     pub camera_height_m: f64,
     /// Time from one exposure to the next, ns.
     pub frame_period_ns: u64,
+    /// How much later than its stamp says an image is taken, on the joints' clock, in steps of the physics;
+    /// negative for earlier.
+    pub clock_offset_steps: i64,
     /// Time from a command to its first effect, ns.
     pub latency_ns: u64,
     /// Physics substeps per millisecond.
@@ -75,6 +81,7 @@ impl Config {
             camera: geometry,
             camera_height_m: checker.section("arm").float_or("camera_height_m", 0.2..=0.8, 0.5),
             frame_period_ns: camera.period_ns(),
+            clock_offset_steps: clock_offset_steps(&lens),
             latency_ns: (section.float_or("latency_ms", 0.0..=1000.0, LATENCY_MS) * 1e6).round() as u64,
             substeps: section.integer_or("substeps", 1..=16, 1),
             frames: section.integer_or("frames", 0..=u64::from(u32::MAX), 0),
@@ -85,6 +92,15 @@ impl Config {
         };
         Config { run, camera, cell }
     }
+}
+
+fn clock_offset_steps(lens: &Section<'_>) -> i64 {
+    let offset_ms = lens.float_or("clock_offset_ms", -MAX_CLOCK_OFFSET_MS..=MAX_CLOCK_OFFSET_MS, 0.0);
+    let steps = offset_ms * 1e6 / STEP_NS as f64;
+    if steps.fract() != 0.0 {
+        lens.fault("clock_offset_ms", "must be whole milliseconds, the steps of the physics");
+    }
+    steps as i64
 }
 
 #[derive(Clone, Copy)]

@@ -19,6 +19,7 @@ pub fn cell_config() -> CellConfig {
         camera: Camera::default_cell(),
         camera_height_m: 0.5,
         frame_period_ns: PERIOD_NS,
+        clock_offset_steps: 0,
         latency_ns: 80_000_000,
         substeps: 1,
         frames: 0,

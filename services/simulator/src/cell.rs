@@ -123,7 +123,10 @@ impl Cell {
         })?;
         let changed = config.change.when == When::Start;
         let blob = place_blob(&fixed.setup(changed).rig, theta, config.seed, 0);
-        let vehicle = Vehicle::new(config.path.clone(), config.mode, config.seed);
+        let mut vehicle = Vehicle::new(config.path.clone(), config.mode, config.seed);
+        if let Some(profile) = &config.profile {
+            vehicle = vehicle.with_profile(profile.clone());
+        }
         let past = Past::at_rest(instant(&world, &vehicle), config.clock_offset_steps);
         Ok(Cell {
             world,

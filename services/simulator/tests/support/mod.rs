@@ -31,6 +31,7 @@ pub fn cell_config() -> CellConfig {
             clockwise: false,
             start_phase_rad: 0.0,
         },
+        profile: None,
         mode: Mode::Bicycle(None),
         change: Change { when: When::Never, mount_rad: 0.0, focal_factor: 1.0, forearm_factor: 1.0 },
     }

@@ -165,7 +165,7 @@ pub struct Detect {
 pub struct Experiment {
     /// Which one.
     pub name: ExperimentName,
-    /// Number of seeds [default: 20; of robustness and ablation 5].
+    /// Number of seeds [default: 30; of robustness and ablation 5].
     #[arg(long)]
     pub seeds: Option<u64>,
     /// The first seed.
@@ -194,7 +194,7 @@ pub struct Experiment {
 impl Experiment {
     /// Number of seeds, at least one.
     pub fn seeds(&self) -> u64 {
-        let usual = if self.name.runs_the_arm() { 20 } else { 5 };
+        let usual = if self.name.runs_the_arm() { 30 } else { 5 };
         self.seeds.unwrap_or(usual).max(1)
     }
 }

@@ -71,6 +71,7 @@ fn a_disturbed_run_is_the_same_in_one_process_as_in_six() {
         "change.focal_factor=1.2",
         "change.forearm_factor=1.1",
         "simulator.glare_share=0.1",
+        "camera.clock_offset_ms=-7",
     ]
     .iter()
     .flat_map(|set| ["--set".to_owned(), (*set).to_owned()])

@@ -7,13 +7,14 @@ use crate::config::CellConfig;
 use crate::evaluation::Evaluation;
 use crate::glare::glare;
 use crate::journal::{MoveRecord, Record};
+use crate::past::{Instant, Past};
 use crate::placement::{place_blob, start_pose};
 use pursuit_kinematics::{Arm, Coupling, Rig};
 use pursuit_learning::Normalisation;
 use pursuit_messages::payload::{JOINTS, MAX_CYCLES};
 use pursuit_messages::{LearnerState, Phase, SceneKind, WorldCommand, WorldState};
 use pursuit_scene::paths::Vehicle;
-use pursuit_world::{TimedCycle, VehiclePose, World, WorldParameters};
+use pursuit_world::{STEP_NS, TimedCycle, VehiclePose, World, WorldParameters};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -49,6 +50,8 @@ struct Setup {
 pub struct Cell {
     world: World,
     vehicle: Vehicle,
+    /// What was, as long ago as the camera's clock is off.
+    past: Past,
     scene: Scene,
     blob: [f64; 2],
     target_index: u32,
@@ -120,10 +123,15 @@ impl Cell {
         })?;
         let changed = config.change.when == When::Start;
         let blob = place_blob(&fixed.setup(changed).rig, theta, config.seed, 0);
-        let vehicle = Vehicle::new(config.path.clone(), config.mode, config.seed);
+        let mut vehicle = Vehicle::new(config.path.clone(), config.mode, config.seed);
+        if let Some(profile) = &config.profile {
+            vehicle = vehicle.with_profile(profile.clone());
+        }
+        let past = Past::at_rest(instant(&world, &vehicle), config.clock_offset_steps);
         Ok(Cell {
             world,
             vehicle,
+            past,
             scene: Scene::Blob,
             blob,
             target_index: 0,
@@ -143,12 +151,13 @@ impl Cell {
     pub fn state(&self, fixed: &Fixed) -> WorldState {
         let rig = self.rig(fixed);
         // A changed forearm moves the camera only: the dynamics of the arm stay the nominal ones.
-        let camera = rig.camera_pose(&self.world.positions());
+        let (seen, read) = (self.seen(fixed), self.read(fixed));
+        let camera = rig.camera_pose(&seen.position);
         let issued = self.world.issued();
         let (scene, position, heading, velocity) = match self.scene {
             Scene::Blob => (SceneKind::Blob, self.blob, 0.0, [0.0; 2]),
             Scene::Vehicle => {
-                let pose = self.vehicle.pose();
+                let pose = seen.vehicle;
                 (SceneKind::Vehicle, pose.position, pose.heading, pose.velocity)
             }
         };
@@ -162,8 +171,8 @@ impl Cell {
             glare_px: glare.map_or([0.0; 2], |glare| glare.centre_px),
             glare_radius_px: glare.map_or(0.0, |glare| glare.radius_px),
             scene: scene as u32,
-            position: self.world.positions(),
-            velocity: self.world.velocities(),
+            position: read.position,
+            velocity: read.velocity,
             issued_position: issued.position,
             issued_velocity: issued.velocity,
             camera_position: camera.translation,
@@ -212,6 +221,20 @@ impl Cell {
     /// # Errors
     /// [`CellError::World`] where the physics diverged.
     pub fn advance(&mut self, fixed: &Fixed, time_ns: u64) -> Result<(), CellError> {
+        if fixed.config.clock_offset_steps != 0 {
+            for step_ns in (self.time_ns + STEP_NS..time_ns).step_by(STEP_NS as usize) {
+                self.step_until(step_ns)?;
+                self.past.take(instant(&self.world, &self.vehicle));
+            }
+        }
+        self.step_until(time_ns)?;
+        self.past.take(instant(&self.world, &self.vehicle));
+        self.time_ns = time_ns;
+        self.changed |= self.change_is_due(fixed);
+        Ok(())
+    }
+
+    fn step_until(&mut self, time_ns: u64) -> Result<(), CellError> {
         let (vehicle, moving) = (&mut self.vehicle, self.scene == Scene::Vehicle);
         self.world.step_until(time_ns, |_| {
             if !moving {
@@ -221,9 +244,23 @@ impl Cell {
             let pose = vehicle.pose();
             VehiclePose { x_m: pose.position[0], y_m: pose.position[1], heading_rad: pose.heading }
         })?;
-        self.time_ns = time_ns;
-        self.changed |= self.change_is_due(fixed);
         Ok(())
+    }
+
+    /// What the camera sees: the truth at the exposure. An image that is taken later than its stamp says is
+    /// taken now, and the joints are read as they were at the stamp; one that is taken earlier is of then,
+    /// and the joints are read now.
+    fn seen(&self, fixed: &Fixed) -> Instant {
+        if fixed.config.clock_offset_steps < 0 { self.past.oldest() } else { self.now() }
+    }
+
+    /// What the drives report beside the image.
+    fn read(&self, fixed: &Fixed) -> Instant {
+        if fixed.config.clock_offset_steps > 0 { self.past.oldest() } else { self.now() }
+    }
+
+    fn now(&self) -> Instant {
+        instant(&self.world, &self.vehicle)
     }
 
     /// Arm and camera as they are now.
@@ -247,7 +284,7 @@ impl Cell {
         let state = self.state(fixed);
         let rig = self.rig(fixed);
         let [x, y] = state.target_position;
-        let seen = rig.camera().project(&rig.base_from_camera(&self.world.positions()), [x, y, 0.0]);
+        let seen = rig.camera().project(&rig.base_from_camera(&self.seen(fixed).position), [x, y, 0.0]);
         Record {
             frame,
             time_s: self.time_ns as f64 / 1e9,
@@ -345,4 +382,8 @@ impl Cell {
         }
         self.trajectory.copy_from_slice(&hash.finalize());
     }
+}
+
+fn instant(world: &World, vehicle: &Vehicle) -> Instant {
+    Instant { position: world.positions(), velocity: world.velocities(), vehicle: vehicle.pose() }
 }

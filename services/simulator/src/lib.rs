@@ -11,6 +11,7 @@ pub mod evaluation;
 pub mod glare;
 pub mod journal;
 mod lockstep;
+mod past;
 pub mod placement;
 mod wall;
 

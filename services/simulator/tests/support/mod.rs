@@ -19,6 +19,7 @@ pub fn cell_config() -> CellConfig {
         camera: Camera::default_cell(),
         camera_height_m: 0.5,
         frame_period_ns: PERIOD_NS,
+        clock_offset_steps: 0,
         latency_ns: 80_000_000,
         substeps: 1,
         frames: 0,
@@ -30,6 +31,7 @@ pub fn cell_config() -> CellConfig {
             clockwise: false,
             start_phase_rad: 0.0,
         },
+        profile: None,
         mode: Mode::Bicycle(None),
         change: Change { when: When::Never, mount_rad: 0.0, focal_factor: 1.0, forearm_factor: 1.0 },
     }

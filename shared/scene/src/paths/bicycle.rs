@@ -19,6 +19,8 @@ pub(super) const LOOK_AHEAD_M: f64 = 0.08;
 const STEERING_LAG_S: f64 = 0.05;
 /// Time constant of the speed, seconds.
 const SPEED_LAG_S: f64 = 0.3;
+/// What is slower than this, metres per second, and shall stand, stands: the lag alone would never end.
+const REST_M_PER_S: f64 = 1e-3;
 /// Largest steering angle, radians: curvature of 7 per metre.
 const MAX_STEERING_RAD: f64 = 0.7;
 
@@ -93,6 +95,9 @@ impl Bicycle {
         self.steering += (1.0 - libm::exp(-dt_s / STEERING_LAG_S)) * (wanted_steering - self.steering);
         let wanted_speed = wanted_speed * (1.0 + self.speed_error.value).max(0.0);
         self.speed += (1.0 - libm::exp(-dt_s / SPEED_LAG_S)) * (wanted_speed - self.speed);
+        if wanted_speed == 0.0 && self.speed < REST_M_PER_S {
+            self.speed = 0.0;
+        }
         self.roll(dt_s);
     }
 

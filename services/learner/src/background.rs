@@ -110,6 +110,7 @@ impl Learner {
         let mut lessons = self.lessons;
         match lessons.follow(moment, self.parameters.learning.rotation_sign) {
             Ok(Some(view)) => {
+                self.time(moment.sighting(view), &moment.normalisation);
                 if let Some(error) = self.trainer.observe(view, &moment.normalisation) {
                     let trusted = lessons.consistent;
                     lessons.take(error, moment.now_ns);
@@ -135,6 +136,7 @@ impl Learner {
         lessons.landmark = Some((landmark, moment.frame));
         (lessons.landmark_since_ns, lessons.lesson_since_ns) = (moment.now_ns, moment.now_ns);
         lessons.last_ns = moment.now_ns;
+        self.clock_offset.restart();
         self.trainer.start_target();
         self.trainer.start_move(Some(*landmark.view()));
     }
@@ -145,6 +147,7 @@ impl Learner {
         if now_ns < lessons.lesson_since_ns + nanos(length) || !self.trainer.can_judge() {
             return;
         }
+        self.clock_offset.settle();
         let review = self.trainer.finish_move();
         lessons.lesson_since_ns = now_ns;
         if review.verdict == Verdict::Changed {

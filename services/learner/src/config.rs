@@ -89,6 +89,8 @@ pub struct Parameters {
     pub reject_wild: bool,
     /// Whether learning goes on while a target is followed, from the background.
     pub learn_while_following: bool,
+    /// Whether the offset between the clocks of camera and joints is found out and made up for.
+    pub find_clock_offset: bool,
     /// How the target is followed.
     pub controller: Controller,
     /// Time from a set-point to its effect, over which the predictive law predicts.
@@ -166,6 +168,7 @@ impl Parameters {
             refit_deadline: Parameters::DEFAULT_REFIT_DEADLINE,
             reject_wild: true,
             learn_while_following: true,
+            find_clock_offset: true,
             controller: Controller::Predictive,
             lead: Parameters::DEFAULT_LEAD,
             noise: Parameters::DEFAULT_NOISE,
@@ -180,6 +183,7 @@ impl Parameters {
                 still_frames: 1,
                 reject_wild: false,
                 learn_while_following: false,
+                find_clock_offset: false,
                 controller: Controller::Plain,
                 ..recommended
             },

@@ -1,5 +1,6 @@
 //! One frame as the learner sees it: checked, and in its own coordinates.
 
+use pursuit_learning::consensus::Sighting;
 use pursuit_learning::{Normalisation, View};
 use pursuit_messages::{Detection, ImageShape, Target, TrackPhase};
 
@@ -59,8 +60,15 @@ pub(crate) struct Blob {
 }
 
 impl Moment {
+    /// A view of something in this frame.
+    pub(crate) fn sighting(&self, view: View) -> Sighting {
+        Sighting { time_ns: self.now_ns, view, velocities: self.velocities }
+    }
+
     /// `Err` where joints or image cannot be used. A detection that cannot be is none, and counted.
-    pub(crate) fn of(input: &Input, refusals: &mut Refusals) -> Result<Moment, Refused> {
+    /// `clock_offset_s` is the time that the joints' clock is ahead: the joints of so much later belong to
+    /// the image. To the first order: a few tens of ms are made up for up to a mrad.
+    pub(crate) fn of(input: &Input, clock_offset_s: f64, refusals: &mut Refusals) -> Result<Moment, Refused> {
         let [width, height] = [input.image.width, input.image.height].map(f64::from);
         let finite = input.joints.iter().chain(&input.velocities).all(|joint| joint.is_finite());
         if !finite || width < 1.0 || height < 1.0 {
@@ -83,15 +91,16 @@ impl Moment {
             }
         };
         let half = [width / 2.0, height / 2.0];
+        let joints = [0, 1].map(|k| input.joints[k] + clock_offset_s * input.velocities[k]);
         let blob = &input.target.blob;
         Ok(Moment {
             frame: input.frame,
             now_ns: input.exposure_ns,
-            joints: input.joints,
+            joints,
             velocities: input.velocities,
             speed: input.velocities[0].abs().max(input.velocities[1].abs()),
             blob: centred(blob).map(|point_px| Blob {
-                view: View { point_px, joints: input.joints },
+                view: View { point_px, joints },
                 whole: is_whole(point_px, blob.area_px, half),
             }),
             motion_px: centred(moving(&input.target)),
@@ -156,7 +165,7 @@ mod tests {
     }
 
     fn moment(input: &Input) -> Result<Moment, Refused> {
-        Moment::of(input, &mut Refusals::default())
+        Moment::of(input, 0.0, &mut Refusals::default())
     }
 
     #[test]
@@ -187,7 +196,7 @@ mod tests {
     #[test]
     fn what_cannot_be_is_refused_and_counted_by_reason() {
         let mut refusals = Refusals::default();
-        let mut of = |input: Input| Moment::of(&input, &mut refusals);
+        let mut of = |input: Input| Moment::of(&input, 0.0, &mut refusals);
         assert!(of(input(f64::NAN, 0.0)).unwrap().blob.is_none());
         assert!(of(input(512.0, 0.0)).unwrap().blob.is_none());
         assert!(of(input(511.4, 0.0)).unwrap().blob.is_some());

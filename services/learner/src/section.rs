@@ -35,6 +35,7 @@ fn read(checker: &Checker<'_>) -> Parameters {
     parameters.reject_wild = section.flag_or("reject_wild", parameters.reject_wild);
     parameters.learn_while_following =
         section.flag_or("learn_while_following", parameters.learn_while_following);
+    parameters.find_clock_offset = section.flag_or("find_clock_offset", parameters.find_clock_offset);
     let controllers = [("plain", Controller::Plain), ("predictive", Controller::Predictive)];
     parameters.controller = section.choice_or("controller", &controllers, parameters.controller);
     let lead_ms = section.float_or("lead_ms", 0.0..=500.0, parameters.lead.as_secs_f64() * 1e3);

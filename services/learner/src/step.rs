@@ -12,7 +12,7 @@
 //!
 //! The next move waits for the result, or for [`Parameters::refit_deadline`].
 
-use pursuit_learning::{Merge, Network, RefitJob, RefitResult, Trainer};
+use pursuit_learning::{ClockOffset, Merge, Network, RefitJob, RefitResult, Trainer};
 use pursuit_messages::{LearnerState, MAX_WEIGHTS, Phase, SetPoint};
 use serde::{Deserialize, Serialize};
 
@@ -96,6 +96,7 @@ pub struct Learner {
     pub(crate) sightings: Sightings,
     /// Learning from the background.
     pub(crate) lessons: Lessons,
+    pub(crate) clock_offset: ClockOffset,
     pub(crate) refusals: Refusals,
     /// Error over the ring after the last refit.
     refit_error: f64,
@@ -126,6 +127,7 @@ impl Learner {
             refit_due_ns: 0,
             sightings: Sightings::default(),
             lessons: Lessons::default(),
+            clock_offset: ClockOffset::default(),
             refusals: Refusals::default(),
             refit_error: 0.0,
             answer: None,
@@ -138,7 +140,7 @@ impl Learner {
             Some(answer) if input.frame <= answer.frame => answer,
             _ => {
                 // A frame that cannot be used stops the arm and is forgotten.
-                let (command, detected) = match Moment::of(input, &mut self.refusals) {
+                let (command, detected) = match self.moment(input) {
                     Ok(moment) => {
                         let used = self.advance(&moment);
                         (self.command, used)
@@ -153,6 +155,10 @@ impl Learner {
         };
         self.answer = Some(answer);
         Output { set_point: self.set_point(&answer), state: self.report() }
+    }
+
+    fn moment(&mut self, input: &Input) -> Result<Moment, Refused> {
+        Moment::of(input, self.clock_offset.seconds(), &mut self.refusals)
     }
 
     /// Takes a frame in; whether its detection was used.
@@ -271,7 +277,7 @@ impl Learner {
             consistent: u32::from(self.lessons.consistent()),
             surprise: self.lessons.doubt(),
             uncertainty_rad: 0.0,
-            clock_offset_ns: 0,
+            clock_offset_ns: (self.clock_offset.seconds() * 1e9) as i64,
             lead_ns: crate::rest::nanos(self.parameters.lead),
             refused: self.refusals.counts(),
             weight_count,

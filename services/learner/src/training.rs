@@ -21,6 +21,9 @@ const MOST_WILD: f64 = 0.5;
 /// After a change that leaves the map so wrong, relative to the motion, the two fixed moves are made again.
 const AT_A_LOSS: f64 = 0.6;
 
+/// A map whose usual surprise is below this can tell the time.
+const GOOD_ENOUGH: f64 = 0.3;
+
 impl Learner {
     pub(crate) fn observe_at_rest(&mut self, mut observation: Observation, moment: &Moment) {
         observation.take(moment, &self.parameters);
@@ -36,7 +39,7 @@ impl Learner {
             && blob.whole
         {
             if self.parameters.reject_wild {
-                self.sightings.push(Sighting { time_ns: moment.now_ns, view: blob.view });
+                self.sightings.push(moment.sighting(blob.view));
             } else {
                 self.trainer.observe(blob.view, &moment.normalisation);
             }
@@ -74,10 +77,21 @@ impl Learner {
             return false;
         }
         self.trainer.start_move(self.sightings.at_rest());
-        for sighting in self.sightings.while_moving() {
+        for index in 0..self.sightings.while_moving().len() {
+            let sighting = self.sightings.while_moving()[index];
+            self.time(sighting, normalisation);
             self.trainer.observe(sighting.view, normalisation);
         }
+        self.clock_offset.settle();
         true
+    }
+
+    /// Compares the clocks of camera and joints, by a map that is good enough.
+    pub(crate) fn time(&mut self, sighting: Sighting, normalisation: &Normalisation) {
+        if self.parameters.find_clock_offset && self.trainer.usual_surprise() < GOOD_ENOUGH {
+            let sign = self.parameters.learning.rotation_sign;
+            self.clock_offset.observe(sighting, self.trainer.network(), normalisation, sign);
+        }
     }
 
     /// The next target is on its way: until it is seen, or time is up, frames may still show the old one.
@@ -138,7 +152,7 @@ impl Learner {
         // A target that was cut off by the image's edge is good enough to go by, not to learn from.
         let start = sight.filter(|sight| sight.whole).map(|sight| sight.view);
         self.trainer.start_move(start);
-        self.sightings.begin(start.map(|view| Sighting { time_ns: moment.now_ns, view }));
+        self.sightings.begin(start.map(|view| moment.sighting(view)));
         self.command = Command::GoTo(goal);
         self.activity = Activity::Moving(Motion::to(goal, moment.now_ns));
     }

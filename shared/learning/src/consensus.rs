@@ -19,13 +19,15 @@ const TOLERANCE_HALF_WIDTHS: f64 = 0.05;
 /// ...and beside that in ways from frame to frame.
 const TOLERANCE_STEPS: f64 = 0.5;
 
-/// A view and when it was.
+/// A view, when it was, and how the arm moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sighting {
     /// Exposure, ns.
     pub time_ns: u64,
     /// What was seen.
     pub view: View,
+    /// Velocities of joints 1 and 2, rad/s.
+    pub velocities: [f64; 2],
 }
 
 /// Keeps those sightings that are where pairs of their neighbours say they must be, on a straight way at
@@ -109,6 +111,7 @@ mod tests {
             .map(|k| Sighting {
                 time_ns: 7 + k * FRAME_NS,
                 view: View { point_px: [200.0 - way(k), 0.4 * way(k) - 60.0], joints: [0.0; 2] },
+                velocities: [0.0; 2],
             })
             .collect()
     }

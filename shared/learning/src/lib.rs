@@ -17,6 +17,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod change;
+pub mod clock_offset;
 pub mod conjugate_gradient;
 pub mod consensus;
 pub mod episode;
@@ -34,6 +35,7 @@ pub mod trainer;
 mod watch;
 
 pub use change::{ChangeDetector, Verdict};
+pub use clock_offset::ClockOffset;
 pub use conjugate_gradient::{Descent, Stop};
 pub use episode::Episode;
 pub use grid::{GridCase, GridError, evaluate_grid};

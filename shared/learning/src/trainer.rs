@@ -129,6 +129,11 @@ impl Trainer {
         &self.counters
     }
 
+    /// How badly a move is usually foretold: 1 for who has learnt nothing, some hundredths later.
+    pub fn usual_surprise(&self) -> f64 {
+        self.watch.usual()
+    }
+
     /// Mean error of the live network over the ring, normalised units.
     pub fn error(&self) -> f64 {
         mean_error(&self.network, self.ring.samples(), self.settings.huber)

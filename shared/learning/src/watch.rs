@@ -78,6 +78,11 @@ impl Watch {
         Review { surprise: Some(surprise), verdict, frame }
     }
 
+    /// See [`ChangeDetector::usual`].
+    pub(crate) fn usual(&self) -> f64 {
+        self.detector.usual()
+    }
+
     /// What was seen within moves since the last change, or since a move that is in doubt.
     pub(crate) fn since(&self) -> &[Sample] {
         &self.since

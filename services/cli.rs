@@ -180,7 +180,8 @@ pub struct Experiment {
     /// Folder for the plots [default: pursuit-out].
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
-    /// Robustness, ablation: these scenarios only, as `--scenes pan,empty_pan`.
+    /// Robustness, ablation: these scenarios only, as `--scenes pan,empty_pan`. Change: these changes only, as
+    /// `--scenes turn-20,focal-2`.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub scenes: Vec<String>,
     /// Robustness, ablation: sides of the frames, px [default: 512,256; of ablation 512].
@@ -206,6 +207,11 @@ pub enum ExperimentName {
     Learning,
     /// Distance from the hand to the vehicle while following it.
     Tracking,
+    /// Moves and time until the hand is right again after its camera was turned, got another lens, or its
+    /// forearm changed: at the start, in the middle of training, and while it follows.
+    Change,
+    /// Learning while 0, 5, 15, 30 % of the detections are wrong, anywhere in the image.
+    Outliers,
     /// What the detectors find, and where, in sequences with exact truth. The times are of one thread among
     /// others: a loaded machine distorts them.
     Robustness,
@@ -216,6 +222,6 @@ pub enum ExperimentName {
 impl ExperimentName {
     /// Whether arm and learner take part, so that keys of the config count; else it is about detectors alone.
     pub fn runs_the_arm(self) -> bool {
-        matches!(self, ExperimentName::Learning | ExperimentName::Tracking)
+        !matches!(self, ExperimentName::Robustness | ExperimentName::Ablation)
     }
 }

@@ -1,7 +1,9 @@
 //! `pursuit experiment NAME`: measured over many seeds, in lock-step, the paper's figure beside ours.
 
+mod change;
 pub mod figures;
 mod learning;
+mod outliers;
 mod tracking;
 
 use crate::check;
@@ -23,6 +25,8 @@ pub fn run(options: &Experiment) -> u8 {
     let outcome = applicable(options).and_then(|()| match options.name {
         ExperimentName::Learning => learning::run(options),
         ExperimentName::Tracking => tracking::run(options),
+        ExperimentName::Change => change::run(options),
+        ExperimentName::Outliers => outliers::run(options),
         ExperimentName::Robustness => robustness::run(options),
         ExperimentName::Ablation => robustness::ablation::run(options),
     });
@@ -38,12 +42,15 @@ pub fn run(options: &Experiment) -> u8 {
 /// Nothing, where the experiment knows all options that are given.
 fn applicable(options: &Experiment) -> Result<(), String> {
     let of_the_arm = options.name.runs_the_arm();
-    let of_detectors = !options.scenes.is_empty() || !options.sizes.is_empty() || options.frames.is_some();
-    if of_the_arm && of_detectors {
-        return Err("--scenes, --sizes and --frames are for robustness and ablation".to_owned());
+    let chooses = !of_the_arm || options.name == ExperimentName::Change;
+    if !chooses && !options.scenes.is_empty() {
+        return Err("--scenes is for change, robustness and ablation".to_owned());
+    }
+    if of_the_arm && (!options.sizes.is_empty() || options.frames.is_some()) {
+        return Err("--sizes and --frames are for robustness and ablation".to_owned());
     }
     if !of_the_arm && !options.set.is_empty() {
-        return Err("--set is for learning and tracking: detectors are compared as they are".to_owned());
+        return Err("--set is for experiments with the arm: detectors are compared as they are".to_owned());
     }
     Ok(())
 }
@@ -86,11 +93,17 @@ fn report(seed: u64, run: &Outcome) -> Report {
 /// # Errors
 /// The plot cannot be written.
 pub fn publish(options: &Experiment, figures: &impl Serialize, name: &str, svg: &str) -> Result<u8, String> {
+    write_plot(options, name, svg)?;
+    Ok(options.json.as_deref().map_or(exit::OK, |json: &Path| write_json(json, figures)))
+}
+
+/// Writes a plot under this name and says where.
+fn write_plot(options: &Experiment, name: &str, svg: &str) -> Result<(), String> {
     let folder = options.plots.clone().unwrap_or_else(|| PathBuf::from(PLOTS));
     let file = folder.join(name);
     std::fs::create_dir_all(&folder)
         .and_then(|()| std::fs::write(&file, svg))
         .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
-    println!("\n  plot: {}", file.display());
-    Ok(options.json.as_deref().map_or(exit::OK, |json: &Path| write_json(json, figures)))
+    println!("\n  plot: {}\n", file.display());
+    Ok(())
 }

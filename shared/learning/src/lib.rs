@@ -16,6 +16,8 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod activation;
+pub mod batch;
 pub mod conjugate_gradient;
 pub mod episode;
 pub mod grid;
@@ -26,8 +28,11 @@ pub mod refit;
 pub mod ring;
 pub mod samples;
 pub mod settings;
+#[cfg(test)]
+mod test_functions;
 pub mod trainer;
 
+pub use batch::Batch;
 pub use conjugate_gradient::{Descent, Stop};
 pub use episode::Episode;
 pub use grid::{GridCase, GridError, evaluate_grid};

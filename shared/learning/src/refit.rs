@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::batch::Batch;
 use crate::conjugate_gradient::{CURVATURE, Descent, Stop};
 use crate::network::Network;
-use crate::objective::mean_error_and_gradient;
 use crate::samples::Sample;
 
 /// Everything that a refit needs. The same job gives the same result, bit for bit, on any thread.
@@ -43,10 +43,8 @@ pub struct RefitResult {
 /// iteration; what has been reached when it says no is the result.
 pub fn refit(job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
     let anchored = job.network.anchored();
-    let mut objective = |weights: &_, gradient: &mut _| {
-        let network = Network::from_weights(weights, anchored);
-        mean_error_and_gradient(&network, &job.samples, job.huber, gradient)
-    };
+    let batch = Batch::new(&job.samples, job.huber, anchored);
+    let mut objective = |weights: &_, gradient: &mut _| batch.error_and_gradient(weights, gradient);
     let mut descent = Descent::new(&mut objective, job.network.weights(), CURVATURE);
     let before = descent.value();
     let (stop, iterations) = descent.run(&mut objective, job.iterations, keep_going);

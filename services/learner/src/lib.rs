@@ -33,7 +33,7 @@ use serde::{Deserialize, Serialize};
 use step::{Input, Learner, Output};
 
 /// Version of the saved state.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 /// Room for a saved state; a ring of 100 samples takes about 10 kB.
 const CHECKPOINT_BYTES: usize = 1 << 18;
 /// Longest wait for the joints at a frame's exposure on the wall clock, ns; then the frame is answered

@@ -23,8 +23,8 @@ const FLAT: f64 = 1e-7;
 const NO_DECREASE: f64 = 1e-5;
 /// ...and how many in a row end the descent.
 const MAX_STALLS: u32 = 3;
-/// Evaluations of the objective after which a descent ends: twice what 120 iterations need.
-const MAX_EVALUATIONS: u32 = 600;
+/// Evaluations of the objective after which a descent ends: half more than 250 iterations need.
+const MAX_EVALUATIONS: u32 = 800;
 
 /// Why a descent ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -57,7 +57,7 @@ pub struct Parameters {
     pub training_moves: u32,
     /// Moves to one training target before another is asked for, [`MOVES_PER_TARGET`].
     pub moves_per_target: u32,
-    /// Whether the first two moves are fixed ones, one of each joint.
+    /// Whether the first two moves are fixed ones.
     pub bootstrap: bool,
     /// Joints 1 and 2 where tracking begins, rad, inside the envelope.
     pub home_rad: [f64; 2],
@@ -106,8 +106,8 @@ pub struct Parameters {
 impl Parameters {
     /// [`Parameters::training_moves`] unless set: the error has levelled off (design, section 4.1).
     pub const DEFAULT_TRAINING_MOVES: u32 = 30;
-    /// [`Parameters::moves_per_target`] unless set.
-    pub const DEFAULT_MOVES_PER_TARGET: u32 = 4;
+    /// [`Parameters::moves_per_target`] unless set: enough to come within 1 cm of the first one.
+    pub const DEFAULT_MOVES_PER_TARGET: u32 = 6;
     /// [`Parameters::home_rad`] unless set: in the middle of the envelope.
     pub const DEFAULT_HOME_RAD: [f64; 2] = [0.0, 0.6];
     /// [`Parameters::theta1_rad`] unless set: ±150°.

@@ -57,6 +57,8 @@ pub(crate) struct Blob {
     pub(crate) view: View,
     /// Whether no part of it is cut off by the image's edge: what is cut off has its centre elsewhere.
     pub(crate) whole: bool,
+    /// Its distance from the image's centre along x or y, the larger, in half images.
+    pub(crate) off_centre: f64,
 }
 
 impl Moment {
@@ -102,6 +104,7 @@ impl Moment {
             blob: centred(blob).map(|point_px| Blob {
                 view: View { point_px, joints },
                 whole: is_whole(point_px, blob.area_px, half),
+                off_centre: (point_px[0].abs() / half[0]).max(point_px[1].abs() / half[1]),
             }),
             motion_px: centred(moving(&input.target)),
             background: background(&input.target),

@@ -8,6 +8,10 @@ use crate::moment::Moment;
 
 /// A target that is seen within this distance, px, is in one place: some times the noise of a detection.
 const STILL_PX: f64 = 4.0;
+/// Time in which a moving arm comes to rest: the latency of a command and the braking itself, ns.
+const BRAKING_NS: f64 = 160e6;
+/// So far out, in half images, a target begins to be cut off.
+const EDGE: f64 = 0.95;
 
 /// A motion to a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,11 +20,34 @@ pub(crate) struct Motion {
     began_ns: u64,
     still_since_ns: Option<u64>,
     still_frames: u32,
+    /// What is watched for: that the target does not leave the image.
+    watch: Option<Watch>,
+}
+
+/// How far out the target was when it was last seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Watch {
+    last: Option<(u64, f64)>,
 }
 
 impl Motion {
     pub(crate) fn to(goal: [f64; 2], now_ns: u64) -> Motion {
-        Motion { goal, began_ns: now_ns, still_since_ns: None, still_frames: 0 }
+        Motion { goal, began_ns: now_ns, still_since_ns: None, still_frames: 0, watch: None }
+    }
+
+    /// A motion that shall not lose sight of the target: see [`Motion::loses_sight`].
+    pub(crate) fn watched(self) -> Motion {
+        Motion { watch: Some(Watch::default()), ..self }
+    }
+
+    /// Whether a target that goes on as since the last frame is out of view before the arm can be at rest.
+    pub(crate) fn loses_sight(&mut self, moment: &Moment) -> bool {
+        let (Some(watch), Some(blob)) = (&mut self.watch, &moment.blob) else { return false };
+        let before = watch.last.replace((moment.now_ns, blob.off_centre));
+        let Some((since_ns, off_centre)) = before else { return false };
+        let passed_ns = moment.now_ns.saturating_sub(since_ns) as f64;
+        let speed = (blob.off_centre - off_centre) / passed_ns;
+        speed > 0.0 && blob.off_centre + speed * BRAKING_NS > EDGE
     }
 
     /// Takes the frame into account and says whether the motion is over: arrived and still, or stalled,
@@ -152,7 +179,7 @@ mod tests {
             velocities: [speed, 0.0],
             background: None,
             speed,
-            blob: point.map(|x| Blob { view: view(x), whole: true }),
+            blob: point.map(|x| Blob { view: view(x), whole: true, off_centre: x.abs() / 256.0 }),
             motion_px: None,
             normalisation: Normalisation { half_width_px: 256.0 },
         }
@@ -189,6 +216,21 @@ mod tests {
         }
         assert!(observation.is_complete(&parameters));
         assert_eq!(observation.sight(), None);
+    }
+
+    #[test]
+    fn a_target_on_its_way_out_is_noticed_before_it_is_gone() {
+        let loses_sight = |motion: Motion, points: &[f64]| {
+            let mut motion = motion;
+            let see = |(frame, x): (usize, &f64)| motion.loses_sight(&moment(frame as u64, 0.5, Some(*x)));
+            points.iter().enumerate().map(see).collect::<Vec<bool>>()
+        };
+        let motion = Motion::to([0.2, 0.6], 0);
+        // 20 px a frame: four frames later it is where the image ends.
+        let leaving = [120.0, 140.0, 160.0, 180.0];
+        assert_eq!(loses_sight(motion.watched(), &leaving), [false, false, false, true]);
+        assert_eq!(loses_sight(motion, &leaving), [false; 4]);
+        assert_eq!(loses_sight(motion.watched(), &[240.0, 220.0, 200.0, 180.0]), [false; 4]);
     }
 
     #[test]

@@ -9,10 +9,14 @@ use crate::refusals::Refused;
 use crate::rest::{Motion, Observation, Sight, nanos};
 use crate::step::{Activity, Command, Learner};
 
-/// First move, of joint 1, rad: the network knows nothing yet, any motion teaches (not in the paper).
-const BOOTSTRAP_THETA1_RAD: f64 = 0.12;
-/// Second move, of joint 2, rad, towards the middle of its range.
-const BOOTSTRAP_THETA2_RAD: f64 = 0.10;
+/// Fixed first moves (not in the paper): the network knows nothing yet, any motion teaches, and a long one
+/// more. Joints that travel different ways arrive at different times, so that even one move bends, and its
+/// views span a plane.
+const BOOTSTRAP_MOVES: u32 = 2;
+/// First move of joints 1 and 2, rad, each towards the middle of its range.
+const FIRST_MOVE_RAD: [f64; 2] = [0.7, 0.15];
+/// Second move, rad: joint 1 back, joint 2 towards the middle.
+const SECOND_MOVE_RAD: [f64; 2] = [0.2, 0.5];
 /// Another training target is one that is this far, in half image widths, from where the old one was.
 const JUMP_HALF_WIDTHS: f64 = 0.08;
 
@@ -43,6 +47,11 @@ impl Learner {
             } else {
                 self.trainer.observe(blob.view, &moment.normalisation);
             }
+        }
+        if motion.loses_sight(moment) {
+            // The move ends where the arm is: what is out of view teaches nothing.
+            self.command = Command::GoTo(moment.joints);
+            motion = Motion::to(moment.joints, moment.now_ns);
         }
         let over = motion.is_over_at(moment, &self.parameters);
         self.activity = Activity::Moving(motion);
@@ -138,12 +147,18 @@ impl Learner {
     }
 
     fn start_move(&mut self, sight: Option<Sight>, moment: &Moment) {
+        let mut is_fixed = false;
         let goal = match sight {
             Some(sight) => {
-                self.progress.last_seen_from = sight.view.joints;
-                let displacement = self.next_displacement(&sight.view, moment);
-                // Always from where the arm was when it looked, never from where it is now.
+                let fixed = self.bootstrap_displacement(&sight.view);
+                is_fixed = fixed.is_some();
                 let [theta1, theta2] = sight.view.joints;
+                let displacement = match fixed {
+                    Some(displacement) => displacement,
+                    None => self.displacement(sight.view.point_px, theta2, moment),
+                };
+                self.progress.last_seen_from = sight.view.joints;
+                // Always from where the arm was when it looked, never from where it is now.
                 [theta1 + displacement[0], theta2 + displacement[1]]
             }
             None => self.progress.last_seen_from,
@@ -154,19 +169,23 @@ impl Learner {
         self.trainer.start_move(start);
         self.sightings.begin(start.map(|view| moment.sighting(view)));
         self.command = Command::GoTo(goal);
-        self.activity = Activity::Moving(Motion::to(goal, moment.now_ns));
+        let motion = Motion::to(goal, moment.now_ns);
+        self.activity = Activity::Moving(if is_fixed { motion.watched() } else { motion });
     }
 
-    fn next_displacement(&mut self, view: &View, moment: &Moment) -> [f64; 2] {
-        if self.parameters.bootstrap && self.progress.bootstrap_moves < 2 {
-            self.progress.bootstrap_moves += 1;
-            return match self.progress.bootstrap_moves {
-                1 => [BOOTSTRAP_THETA1_RAD, 0.0],
-                _ if view.joints[1] < THETA2_MIDDLE_RAD => [0.0, BOOTSTRAP_THETA2_RAD],
-                _ => [0.0, -BOOTSTRAP_THETA2_RAD],
-            };
+    /// The next fixed move, rad; `None` when they have been made.
+    fn bootstrap_displacement(&mut self, view: &View) -> Option<[f64; 2]> {
+        if !self.parameters.bootstrap || self.progress.bootstrap_moves >= BOOTSTRAP_MOVES {
+            return None;
         }
-        self.displacement(view.point_px, view.joints[1], moment)
+        self.progress.bootstrap_moves += 1;
+        let [theta1, theta2] = view.joints;
+        let [low, high] = self.parameters.theta1_rad;
+        let (towards1, way) = match self.progress.bootstrap_moves {
+            1 => (0.5 * (low + high), FIRST_MOVE_RAD),
+            _ => (self.progress.last_seen_from[0], SECOND_MOVE_RAD),
+        };
+        Some([way[0].copysign(towards1 - theta1), way[1].copysign(THETA2_MIDDLE_RAD - theta2)])
     }
 
     /// What the network says, rad, shortened to what one command may ask.

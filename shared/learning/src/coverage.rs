@@ -28,10 +28,7 @@ pub struct Coverage {
 impl Default for Coverage {
     /// Nothing is known anywhere.
     fn default() -> Coverage {
-        Coverage {
-            places: Vec::with_capacity(MOST),
-            factor: Vec::with_capacity(MOST * (MOST + 1) / 2),
-        }
+        Coverage { places: Vec::with_capacity(MOST), factor: Vec::with_capacity(MOST * (MOST + 1) / 2) }
     }
 }
 

@@ -16,6 +16,8 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod activation;
+pub mod batch;
 pub mod change;
 pub mod clock_offset;
 pub mod conjugate_gradient;
@@ -32,9 +34,12 @@ pub mod reframe;
 pub mod ring;
 pub mod samples;
 pub mod settings;
+#[cfg(test)]
+mod test_functions;
 pub mod trainer;
 mod watch;
 
+pub use batch::Batch;
 pub use change::{ChangeDetector, Verdict};
 pub use clock_offset::ClockOffset;
 pub use conjugate_gradient::{Descent, Stop};

@@ -5,10 +5,12 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::activation::tanh;
+
 /// Hidden units. 5 to 8 is what 1991's hardware would carry; from 12 on nothing is gained but time.
 pub const HIDDEN: usize = 12;
 /// Weights of one hidden unit: from x, y and θ2, its threshold, to Δθ1 and Δθ2.
-const PER_UNIT: usize = 6;
+pub(crate) const PER_UNIT: usize = 6;
 /// All weights: the units one after the other, then the thresholds of the two outputs.
 pub const WEIGHTS: usize = PER_UNIT * HIDDEN + 2;
 /// First-layer weights and thresholds start within ± this.
@@ -180,8 +182,8 @@ impl Activation {
     fn of(unit: &[f64; PER_UNIT], [x, y, t]: [f64; 3], anchored: bool) -> Activation {
         // Written so that x = y = 0 gives the same argument twice, to the bit.
         let threshold = unit[2] * t + unit[3];
-        let here = (unit[0] * x + unit[1] * y + threshold).tanh();
-        Activation { here, centre: if anchored { threshold.tanh() } else { 0.0 } }
+        let here = tanh(unit[0] * x + unit[1] * y + threshold);
+        Activation { here, centre: if anchored { tanh(threshold) } else { 0.0 } }
     }
 
     fn difference(&self) -> f64 {

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::batch::Batch;
 use crate::conjugate_gradient::{CURVATURE, Descent, Stop};
 use crate::network::Network;
-use crate::objective::mean_error_and_gradient;
 use crate::samples::Sample;
 
 /// Everything that a refit needs. The same job gives the same result, bit for bit, on any thread.
@@ -48,8 +48,9 @@ const FRESH_SHARE: f64 = 0.5;
 /// Fits the job's network to its samples, some milliseconds for 100 of them. `keep_going` is asked before each
 /// iteration; what has been reached when it says no is the result.
 pub fn refit(job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
-    let result = refit_from(&job.network, job, &keep_going);
-    match job.fresh.as_ref().map(|fresh| refit_from(fresh, job, &keep_going)) {
+    let batch = Batch::new(&job.samples, job.huber, job.network.anchored());
+    let result = refit_from(&job.network, &batch, job, &keep_going);
+    match job.fresh.as_ref().map(|fresh| refit_from(fresh, &batch, job, &keep_going)) {
         Some(fresh) if fresh.error[1] < FRESH_SHARE * result.error[1] => {
             RefitResult { error: [result.error[0], fresh.error[1]], ..fresh }
         }
@@ -57,12 +58,9 @@ pub fn refit(job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
     }
 }
 
-fn refit_from(start: &Network, job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
+fn refit_from(start: &Network, batch: &Batch, job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
     let anchored = start.anchored();
-    let mut objective = |weights: &_, gradient: &mut _| {
-        let network = Network::from_weights(weights, anchored);
-        mean_error_and_gradient(&network, &job.samples, job.huber, gradient)
-    };
+    let mut objective = |weights: &_, gradient: &mut _| batch.error_and_gradient(weights, gradient);
     let mut descent = Descent::new(&mut objective, start.weights(), CURVATURE);
     let before = descent.value();
     let (stop, iterations) = descent.run(&mut objective, job.iterations, keep_going);

@@ -98,6 +98,8 @@ pub struct Learner {
     pub(crate) lessons: Lessons,
     pub(crate) clock_offset: ClockOffset,
     pub(crate) refusals: Refusals,
+    /// Doubt of what the map said last, rad.
+    pub(crate) uncertainty_rad: f64,
     /// Error over the ring after the last refit.
     refit_error: f64,
     answer: Option<Answer>,
@@ -129,6 +131,7 @@ impl Learner {
             lessons: Lessons::default(),
             clock_offset: ClockOffset::default(),
             refusals: Refusals::default(),
+            uncertainty_rad: 0.0,
             refit_error: 0.0,
             answer: None,
         }
@@ -276,7 +279,7 @@ impl Learner {
             changes: counters.changes,
             consistent: u32::from(self.lessons.consistent()),
             surprise: self.lessons.doubt(),
-            uncertainty_rad: 0.0,
+            uncertainty_rad: self.uncertainty_rad,
             clock_offset_ns: (self.clock_offset.seconds() * 1e9) as i64,
             lead_ns: crate::rest::nanos(self.parameters.lead),
             refused: self.refusals.counts(),

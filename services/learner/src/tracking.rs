@@ -3,6 +3,7 @@
 use crate::config::Controller;
 use crate::follower::{Follower, Noise};
 use crate::moment::Moment;
+use crate::refusals::Refused;
 use crate::rest::{Motion, nanos};
 use crate::step::{Activity, Command, Learner};
 use serde::{Deserialize, Serialize};
@@ -28,11 +29,7 @@ impl Learner {
     /// The absolute joint target of a frame is joints *at the exposure* + displacement. Added to the
     /// joints of now, the motion during the delay would count twice: that oscillates (design, section 6).
     pub(crate) fn track(&mut self, mut track: Track, moment: &Moment) -> bool {
-        let measured = moment.motion_px.map(|point_px| {
-            let [theta1, theta2] = moment.joints;
-            let displacement = self.displacement(point_px, theta2, moment);
-            [theta1 + displacement[0], theta2 + displacement[1]]
-        });
+        let measured = moment.motion_px.and_then(|point_px| self.joint_target(point_px, moment));
         let lost = track
             .seen_ns
             .is_none_or(|seen_ns| moment.now_ns.saturating_sub(seen_ns) >= nanos(self.parameters.lost_after));
@@ -71,6 +68,18 @@ impl Learner {
         self.activity = Activity::Tracking(track);
         self.go_on(&track, moment.now_ns);
         used
+    }
+
+    /// Joints 1 and 2 over a target at `point_px`, rad; `None` where the map is ignorant.
+    fn joint_target(&mut self, point_px: [f64; 2], moment: &Moment) -> Option<[f64; 2]> {
+        let [theta1, theta2] = moment.joints;
+        let said = self.displacement(point_px, theta2, moment);
+        if said.trust <= 0.0 {
+            self.refusals.add(Refused::Ignorant, 1);
+            return None;
+        }
+        let displacement = said.trusted(0.0);
+        Some([theta1 + displacement[0], theta2 + displacement[1]])
     }
 
     /// What the arm is told between two measurements: on to where the target is going, then to rest, and

@@ -25,6 +25,12 @@ const MOST_WILD: f64 = 0.5;
 /// After a change that leaves the map so wrong, relative to the motion, the two fixed moves are made again.
 const AT_A_LOSS: f64 = 0.6;
 
+/// Up to this doubt (normalised units) the map is taken at its word...
+const KNOWING: f64 = 0.12;
+/// ...and from this one on it is ignorant: 0.2 rad, a quarter of the image.
+const IGNORANT: f64 = 0.4;
+/// Training moves go this share of the way where the map is ignorant: moving is how it learns.
+const LEAST_TRUST: f64 = 0.5;
 /// A map whose usual surprise is below this can tell the time.
 const GOOD_ENOUGH: f64 = 0.3;
 
@@ -155,7 +161,7 @@ impl Learner {
                 let [theta1, theta2] = sight.view.joints;
                 let displacement = match fixed {
                     Some(displacement) => displacement,
-                    None => self.displacement(sight.view.point_px, theta2, moment),
+                    None => self.displacement(sight.view.point_px, theta2, moment).trusted(LEAST_TRUST),
                 };
                 self.progress.last_seen_from = sight.view.joints;
                 // Always from where the arm was when it looked, never from where it is now.
@@ -188,10 +194,31 @@ impl Learner {
         Some([way[0].copysign(towards1 - theta1), way[1].copysign(THETA2_MIDDLE_RAD - theta2)])
     }
 
-    /// What the network says, rad, shortened to what one command may ask.
-    pub(crate) fn displacement(&self, point_px: [f64; 2], theta2: f64, moment: &Moment) -> [f64; 2] {
+    /// What the network says, rad, shortened to what one command may ask, and further where it hardly knows.
+    pub(crate) fn displacement(&mut self, point_px: [f64; 2], theta2: f64, moment: &Moment) -> Said {
         let input = moment.normalisation.input(point_px, theta2);
         let output = self.trainer.network().predict(input);
-        self.parameters.shortened(moment.normalisation.displacement(output))
+        let doubt = self.trainer.doubt(input);
+        let [unit1, unit2] = moment.normalisation.displacement([doubt; 2]);
+        self.uncertainty_rad = unit1.max(unit2);
+        Said {
+            displacement: self.parameters.shortened(moment.normalisation.displacement(output)),
+            trust: ((IGNORANT - doubt) / (IGNORANT - KNOWING)).clamp(0.0, 1.0),
+        }
+    }
+}
+
+/// What the map says of a place, and how far it is to be trusted.
+pub(crate) struct Said {
+    /// Of joints 1 and 2, rad.
+    pub(crate) displacement: [f64; 2],
+    /// Share of it that may be commanded: 1 where the map knows, 0 where it is ignorant.
+    pub(crate) trust: f64,
+}
+
+impl Said {
+    /// The displacement as far as it is trusted, but this share of it at least.
+    pub(crate) fn trusted(&self, least: f64) -> [f64; 2] {
+        self.displacement.map(|joint| joint * self.trust.max(least))
     }
 }

@@ -22,6 +22,8 @@ const CLEAR: (f64, f64) = (0.25, 5.0);
 const SUSPICIOUS: (f64, f64) = (0.10, 2.2);
 /// Share of the newest move in what is usual.
 const GAIN: f64 = 0.3;
+/// What is usual is not below this after a change that was made up for from a single move.
+const AFTER_A_CHANGE: f64 = 0.08;
 /// What is usual is never below this.
 const LEAST_USUAL: f64 = 0.02;
 
@@ -71,10 +73,10 @@ impl ChangeDetector {
         self.suspicious
     }
 
-    /// What was usual is so again: a change was made up for.
+    /// What was usual is so again, or nearly: a change was made up for.
     #[must_use]
     pub fn trusting(self) -> ChangeDetector {
-        ChangeDetector { suspicious: false, ..self }
+        ChangeDetector { suspicious: false, usual: self.usual.max(AFTER_A_CHANGE) }
     }
 
     /// The surprise that is usual: 1 for who knows nothing, some hundredths for who has learnt.

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::change::{MOST_SAMPLES, Verdict, relative_error, surprise};
+use crate::coverage::Coverage;
 use crate::episode::{Episode, SAMPLES_WITHIN_MOVE};
 use crate::network::Network;
 use crate::objective::{mean_error, online_step};
@@ -75,6 +76,7 @@ pub struct Trainer {
     settings: Settings,
     network: Network,
     ring: Ring,
+    coverage: Coverage,
     episode: Episode,
     /// A fair choice of the samples of the move under way...
     kept: Vec<Sample>,
@@ -105,6 +107,7 @@ impl Trainer {
             changed: false,
             network,
             ring: Ring::new(settings.memory, settings.retention),
+            coverage: Coverage::default(),
             episode: Episode::default(),
             kept: Vec::with_capacity(settings.kept_per_move as usize),
             of_move: 0,
@@ -127,6 +130,12 @@ impl Trainer {
     /// How often what happened.
     pub fn counters(&self) -> &Counters {
         &self.counters
+    }
+
+    /// Standard deviation of what the map says at a (normalised) input, normalised units: see
+    /// [`Coverage::doubt`].
+    pub fn doubt(&self, input: [f64; 3]) -> f64 {
+        self.coverage.doubt(input)
     }
 
     /// How badly a move is usually foretold: 1 for who has learnt nothing, some hundredths later.
@@ -203,6 +212,7 @@ impl Trainer {
             self.kept.sort_by_key(|sample| sample.sequence);
             self.kept.drain(..).for_each(|sample| self.ring.admit(sample));
         }
+        self.coverage.take(self.ring.samples());
         self.ask_for_refit();
         review
     }

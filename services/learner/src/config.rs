@@ -57,7 +57,7 @@ pub struct Parameters {
     pub training_moves: u32,
     /// Moves to one training target before another is asked for, [`MOVES_PER_TARGET`].
     pub moves_per_target: u32,
-    /// Whether the first two moves are fixed ones, one of each joint.
+    /// Whether the first two moves are fixed ones.
     pub bootstrap: bool,
     /// Joints 1 and 2 where tracking begins, rad, inside the envelope.
     pub home_rad: [f64; 2],
@@ -85,6 +85,12 @@ pub struct Parameters {
     pub target_wait: Duration,
     /// How long the result of a refit is waited for before the next move.
     pub refit_deadline: Duration,
+    /// Whether sightings of a training target that do not agree with their neighbours are left out.
+    pub reject_wild: bool,
+    /// Whether learning goes on while a target is followed, from the background.
+    pub learn_while_following: bool,
+    /// Whether the offset between the clocks of camera and joints is found out and made up for.
+    pub find_clock_offset: bool,
     /// How the target is followed.
     pub controller: Controller,
     /// Time from a set-point to its effect, over which the predictive law predicts.
@@ -100,8 +106,8 @@ pub struct Parameters {
 impl Parameters {
     /// [`Parameters::training_moves`] unless set: the error has levelled off (design, section 4.1).
     pub const DEFAULT_TRAINING_MOVES: u32 = 30;
-    /// [`Parameters::moves_per_target`] unless set.
-    pub const DEFAULT_MOVES_PER_TARGET: u32 = 4;
+    /// [`Parameters::moves_per_target`] unless set: enough to come within 1 cm of the first one.
+    pub const DEFAULT_MOVES_PER_TARGET: u32 = 6;
     /// [`Parameters::home_rad`] unless set: in the middle of the envelope.
     pub const DEFAULT_HOME_RAD: [f64; 2] = [0.0, 0.6];
     /// [`Parameters::theta1_rad`] unless set: ±150°.
@@ -160,6 +166,9 @@ impl Parameters {
             move_limit: Parameters::DEFAULT_MOVE_LIMIT,
             target_wait: Parameters::DEFAULT_TARGET_WAIT,
             refit_deadline: Parameters::DEFAULT_REFIT_DEADLINE,
+            reject_wild: true,
+            learn_while_following: true,
+            find_clock_offset: true,
             controller: Controller::Predictive,
             lead: Parameters::DEFAULT_LEAD,
             noise: Parameters::DEFAULT_NOISE,
@@ -172,6 +181,9 @@ impl Parameters {
                 learning: Settings::paper(),
                 bootstrap: false,
                 still_frames: 1,
+                reject_wild: false,
+                learn_while_following: false,
+                find_clock_offset: false,
                 controller: Controller::Plain,
                 ..recommended
             },

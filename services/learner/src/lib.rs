@@ -8,13 +8,16 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod background;
 pub mod config;
 pub mod follower;
 pub mod history;
 mod moment;
 mod refitter;
+pub mod refusals;
 mod rest;
 pub mod section;
+mod sightings;
 pub mod step;
 mod tracking;
 mod training;
@@ -28,12 +31,13 @@ use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
 use refitter::Refitter;
+use refusals::Refused;
 use section::Config;
 use serde::{Deserialize, Serialize};
 use step::{Input, Learner, Output};
 
 /// Version of the saved state.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 /// Room for a saved state; a ring of 100 samples takes about 10 kB.
 const CHECKPOINT_BYTES: usize = 1 << 18;
 /// Longest wait for the joints at a frame's exposure on the wall clock, ns; then the frame is answered
@@ -106,6 +110,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             }
             None => {
                 station.health.refused += 1;
+                learner.refuse(Refused::NoJoints);
                 Output { set_point: SetPoint::default(), state: learner.report() }
             }
         };

@@ -6,6 +6,13 @@ use serde::{Deserialize, Serialize};
 use crate::config::{MAX_STILL_FRAMES, Parameters};
 use crate::moment::Moment;
 
+/// A target that is seen within this distance, px, is in one place: some times the noise of a detection.
+const STILL_PX: f64 = 4.0;
+/// Time in which a moving arm comes to rest: the latency of a command and the braking itself, ns.
+const BRAKING_NS: f64 = 160e6;
+/// So far out, in half images, a target begins to be cut off.
+const EDGE: f64 = 0.95;
+
 /// A motion to a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Motion {
@@ -13,11 +20,34 @@ pub(crate) struct Motion {
     began_ns: u64,
     still_since_ns: Option<u64>,
     still_frames: u32,
+    /// What is watched for: that the target does not leave the image.
+    watch: Option<Watch>,
+}
+
+/// How far out the target was when it was last seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Watch {
+    last: Option<(u64, f64)>,
 }
 
 impl Motion {
     pub(crate) fn to(goal: [f64; 2], now_ns: u64) -> Motion {
-        Motion { goal, began_ns: now_ns, still_since_ns: None, still_frames: 0 }
+        Motion { goal, began_ns: now_ns, still_since_ns: None, still_frames: 0, watch: None }
+    }
+
+    /// A motion that shall not lose sight of the target: see [`Motion::loses_sight`].
+    pub(crate) fn watched(self) -> Motion {
+        Motion { watch: Some(Watch::default()), ..self }
+    }
+
+    /// Whether a target that goes on as since the last frame is out of view before the arm can be at rest.
+    pub(crate) fn loses_sight(&mut self, moment: &Moment) -> bool {
+        let (Some(watch), Some(blob)) = (&mut self.watch, &moment.blob) else { return false };
+        let before = watch.last.replace((moment.now_ns, blob.off_centre));
+        let Some((since_ns, off_centre)) = before else { return false };
+        let passed_ns = moment.now_ns.saturating_sub(since_ns) as f64;
+        let speed = (blob.off_centre - off_centre) / passed_ns;
+        speed > 0.0 && blob.off_centre + speed * BRAKING_NS > EDGE
     }
 
     /// Takes the frame into account and says whether the motion is over: arrived and still, or stalled,
@@ -80,12 +110,34 @@ impl Observation {
         }
     }
 
+    /// Whether it has looked often enough: longer where what it has seen does not agree.
     pub(crate) fn is_complete(&self, parameters: &Parameters) -> bool {
-        self.looked >= parameters.still_frames
+        self.looked >= parameters.still_frames && (self.agrees() || self.looked >= MAX_STILL_FRAMES as u32)
     }
 
-    /// The median view; `None` where the target was seen in less than half of the frames.
+    /// Whether the target was somewhere else from frame to frame though the arm was at rest.
+    pub(crate) fn is_restless(&self) -> bool {
+        self.seen > 0 && !self.agrees()
+    }
+
+    /// Whether it was mostly not seen, or mostly in one place.
+    fn agrees(&self) -> bool {
+        let Some(median) = self.median() else { return true };
+        let near = |view: &View| {
+            let off = [0, 1].map(|k| view.point_px[k] - median.point_px[k]);
+            off[0].hypot(off[1]) < STILL_PX
+        };
+        2 * self.views[..self.seen as usize].iter().filter(|view| near(view)).count() > self.seen as usize
+    }
+
+    /// The median view; `None` where the target was seen in less than half of the frames, or not in one
+    /// place.
     pub(crate) fn sight(&self) -> Option<Sight> {
+        let view = self.median().filter(|_| self.agrees())?;
+        Some(Sight { view, whole: !self.cut_off })
+    }
+
+    fn median(&self) -> Option<View> {
         if self.seen == 0 || 2 * self.seen < self.looked {
             return None;
         }
@@ -99,11 +151,10 @@ impl Observation {
             let lower = (self.seen as usize - 1) / 2;
             0.5 * (values[lower] + values[upper])
         };
-        let view = View {
+        Some(View {
             point_px: [median(|view| view.point_px[0]), median(|view| view.point_px[1])],
             joints: [median(|view| view.joints[0]), median(|view| view.joints[1])],
-        };
-        Some(Sight { view, whole: !self.cut_off })
+        })
     }
 }
 
@@ -122,10 +173,13 @@ mod tests {
     fn moment(frame: u64, speed: f64, point: Option<f64>) -> Moment {
         let view = |x| View { point_px: [x, -x], joints: [0.0, 0.6] };
         Moment {
+            frame,
             now_ns: frame * FRAME_NS,
             joints: [0.0, 0.6],
+            velocities: [speed, 0.0],
+            background: None,
             speed,
-            blob: point.map(|x| Blob { view: view(x), whole: true }),
+            blob: point.map(|x| Blob { view: view(x), whole: true, off_centre: x.abs() / 256.0 }),
             motion_px: None,
             normalisation: Normalisation { half_width_px: 256.0 },
         }
@@ -162,6 +216,21 @@ mod tests {
         }
         assert!(observation.is_complete(&parameters));
         assert_eq!(observation.sight(), None);
+    }
+
+    #[test]
+    fn a_target_on_its_way_out_is_noticed_before_it_is_gone() {
+        let loses_sight = |motion: Motion, points: &[f64]| {
+            let mut motion = motion;
+            let see = |(frame, x): (usize, &f64)| motion.loses_sight(&moment(frame as u64, 0.5, Some(*x)));
+            points.iter().enumerate().map(see).collect::<Vec<bool>>()
+        };
+        let motion = Motion::to([0.2, 0.6], 0);
+        // 20 px a frame: four frames later it is where the image ends.
+        let leaving = [120.0, 140.0, 160.0, 180.0];
+        assert_eq!(loses_sight(motion.watched(), &leaving), [false, false, false, true]);
+        assert_eq!(loses_sight(motion, &leaving), [false; 4]);
+        assert_eq!(loses_sight(motion.watched(), &[240.0, 220.0, 200.0, 180.0]), [false; 4]);
     }
 
     #[test]

@@ -32,6 +32,10 @@ fn read(checker: &Checker<'_>) -> Parameters {
     parameters.bootstrap = section.flag_or("bootstrap", parameters.bootstrap);
     let home = section.floats_or("home_rad", 2, -3.2..=3.2, &parameters.home_rad);
     parameters.home_rad = [home[0], home[1]];
+    parameters.reject_wild = section.flag_or("reject_wild", parameters.reject_wild);
+    parameters.learn_while_following =
+        section.flag_or("learn_while_following", parameters.learn_while_following);
+    parameters.find_clock_offset = section.flag_or("find_clock_offset", parameters.find_clock_offset);
     let controllers = [("plain", Controller::Plain), ("predictive", Controller::Predictive)];
     parameters.controller = section.choice_or("controller", &controllers, parameters.controller);
     let lead_ms = section.float_or("lead_ms", 0.0..=500.0, parameters.lead.as_secs_f64() * 1e3);
@@ -43,6 +47,7 @@ fn read(checker: &Checker<'_>) -> Parameters {
     learning.memory = section.integer_or("memory", crate::config::MEMORY, learning.memory);
     learning.eta = section.float_or("eta", crate::config::ETA, learning.eta);
     learning.iterations = section.integer_or("iterations", crate::config::ITERATIONS, learning.iterations);
+    learning.detect_change = section.flag_or("detect_change", learning.detect_change);
     let signs = [("upright", -1.0), ("mirrored", 1.0)];
     learning.rotation_sign = section.choice_or("image", &signs, learning.rotation_sign);
     if let Some(fault) = parameters.fault() {

@@ -12,14 +12,17 @@
 //!
 //! The next move waits for the result, or for [`Parameters::refit_deadline`].
 
-use pursuit_learning::{Merge, Network, RefitJob, RefitResult, Trainer};
+use pursuit_learning::{ClockOffset, Merge, Network, RefitJob, RefitResult, Trainer};
 use pursuit_messages::{LearnerState, MAX_WEIGHTS, Phase, SetPoint};
 use serde::{Deserialize, Serialize};
 
+use crate::background::Lessons;
 use crate::config::Parameters;
 pub use crate::moment::Input;
 use crate::moment::Moment;
+use crate::refusals::{Refusals, Refused};
 use crate::rest::{Motion, Observation};
+use crate::sightings::Sightings;
 use crate::tracking::Track;
 
 /// The answer to one frame.
@@ -89,6 +92,12 @@ pub struct Learner {
     pub(crate) command: Command,
     /// Exposure of the frame at which the last refit became due, ns.
     pub(crate) refit_due_ns: u64,
+    /// What was seen of the training target in the move under way.
+    pub(crate) sightings: Sightings,
+    /// Learning from the background.
+    pub(crate) lessons: Lessons,
+    pub(crate) clock_offset: ClockOffset,
+    pub(crate) refusals: Refusals,
     /// Error over the ring after the last refit.
     refit_error: f64,
     answer: Option<Answer>,
@@ -116,6 +125,10 @@ impl Learner {
             },
             command: Command::Hold,
             refit_due_ns: 0,
+            sightings: Sightings::default(),
+            lessons: Lessons::default(),
+            clock_offset: ClockOffset::default(),
+            refusals: Refusals::default(),
             refit_error: 0.0,
             answer: None,
         }
@@ -127,18 +140,25 @@ impl Learner {
             Some(answer) if input.frame <= answer.frame => answer,
             _ => {
                 // A frame that cannot be used stops the arm and is forgotten.
-                let (command, detected) = match Moment::of(input) {
-                    Some(moment) => {
+                let (command, detected) = match self.moment(input) {
+                    Ok(moment) => {
                         let used = self.advance(&moment);
                         (self.command, used)
                     }
-                    None => (Command::Hold, false),
+                    Err(reason) => {
+                        self.refusals.add(reason, 1);
+                        (Command::Hold, false)
+                    }
                 };
                 Answer { frame: input.frame, command, detected }
             }
         };
         self.answer = Some(answer);
         Output { set_point: self.set_point(&answer), state: self.report() }
+    }
+
+    fn moment(&mut self, input: &Input) -> Result<Moment, Refused> {
+        Moment::of(input, self.clock_offset.seconds(), &mut self.refusals)
     }
 
     /// Takes a frame in; whether its detection was used.
@@ -151,7 +171,10 @@ impl Learner {
                 self.go_home(motion, moment);
                 return false;
             }
-            Activity::Tracking(track) => return self.track(track, moment),
+            Activity::Tracking(track) => {
+                self.learn_from_background(moment);
+                return self.track(track, moment);
+            }
         }
         moment.blob.is_some()
     }
@@ -182,12 +205,19 @@ impl Learner {
         self.answer = None;
         self.command = Command::Hold;
         self.trainer.start_target();
+        self.sightings.clear();
+        self.lessons = Lessons::default();
         self.refit_due_ns = 0;
         self.activity = match self.phase() {
             Phase::Training => Activity::Observing(Observation::default()),
             Phase::Homing => Activity::Homing(Motion::to(self.parameters.home_rad, 0)),
             Phase::Tracking => Activity::Tracking(Track::default()),
         };
+    }
+
+    /// Counts a frame that never came to [`Learner::step`].
+    pub fn refuse(&mut self, reason: Refused) {
+        self.refusals.add(reason, 1);
     }
 
     /// The parameters it was made with.
@@ -243,6 +273,13 @@ impl Learner {
             refits_rejected: counters.refits_rejected,
             refit_ns: 0,
             loss: self.refit_error,
+            changes: counters.changes,
+            consistent: u32::from(self.lessons.consistent()),
+            surprise: self.lessons.doubt(),
+            uncertainty_rad: 0.0,
+            clock_offset_ns: (self.clock_offset.seconds() * 1e9) as i64,
+            lead_ns: crate::rest::nanos(self.parameters.lead),
+            refused: self.refusals.counts(),
             weight_count,
             hidden: pursuit_learning::HIDDEN as u32,
             weights,

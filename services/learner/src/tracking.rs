@@ -12,6 +12,9 @@ const AGREEING: u32 = 3;
 /// An arm slower than this looks like one at rest: 1 px from frame to frame in the default cell, rad/s.
 const LOOKING_RAD_PER_S: f64 = 0.05;
 
+/// Share of the displacement that is commanded while the map is not trusted.
+const CAREFUL_STEP: f64 = 0.5;
+
 impl Learner {
     pub(crate) fn go_home(&mut self, mut motion: Motion, moment: &Moment) {
         self.command = Command::GoTo(self.parameters.home_rad);
@@ -36,7 +39,23 @@ impl Learner {
         if lost {
             track.follower = None;
         }
+        let consistent = self.lessons.consistent();
+        if let Some(goal) = measured
+            && consistent
+            && std::mem::take(&mut track.cautious)
+        {
+            // The map fits again; the target never left the middle of the image.
+            track.follower = Some(Follower::at(goal, moment.now_ns, &self.parameters.noise));
+        }
         let used = measured.is_some_and(|goal| match self.parameters.controller {
+            Controller::Predictive if !consistent => {
+                // Prediction with a map that is wrong runs away, the plain law with half of its step comes
+                // nearer as long as the map is less than 75 degrees off.
+                track.cautious = true;
+                let careful = [0, 1].map(|k| moment.joints[k] + CAREFUL_STEP * (goal[k] - moment.joints[k]));
+                self.command = Command::GoTo(self.parameters.into_envelope(careful));
+                true
+            }
             Controller::Plain => {
                 self.command = Command::GoTo(self.parameters.into_envelope(goal));
                 true
@@ -64,7 +83,9 @@ impl Learner {
                 self.command = Command::GoTo(self.parameters.home_rad);
             }
             (Some(unseen), _) if unseen >= nanos(self.parameters.lost_after) => self.command = Command::Hold,
-            (Some(_), Some(follower)) if self.parameters.controller == Controller::Predictive => {
+            (Some(_), Some(follower))
+                if self.parameters.controller == Controller::Predictive && !track.cautious =>
+            {
                 let (position, velocity) = follower.predicted(now_ns + nanos(self.parameters.lead));
                 let inside = self.parameters.into_envelope(position);
                 // At the envelope's edge the arm stops; it does not push.
@@ -83,6 +104,8 @@ pub(crate) struct Track {
     seen_ns: Option<u64>,
     /// The filter of the predictive law.
     follower: Option<Follower>,
+    /// Whether the map did not fit in the last frame.
+    cautious: bool,
     /// Another one, of what is detected elsewhere, and how many detections it has.
     tentative: Option<(Follower, u32)>,
 }

@@ -1,24 +1,39 @@
 //! Training: look at rest, move once, learn from the move, until it has been done often enough.
 
-use pursuit_learning::View;
+use pursuit_learning::consensus::Sighting;
 use pursuit_learning::samples::THETA2_MIDDLE_RAD;
+use pursuit_learning::{Normalisation, Verdict, View};
 
 use crate::moment::Moment;
+use crate::refusals::Refused;
 use crate::rest::{Motion, Observation, Sight, nanos};
 use crate::step::{Activity, Command, Learner};
 
-/// First move, of joint 1, rad: the network knows nothing yet, any motion teaches (not in the paper).
-const BOOTSTRAP_THETA1_RAD: f64 = 0.12;
-/// Second move, of joint 2, rad, towards the middle of its range.
-const BOOTSTRAP_THETA2_RAD: f64 = 0.10;
+/// Fixed first moves (not in the paper): the network knows nothing yet, any motion teaches, and a long one
+/// more. Joints that travel different ways arrive at different times, so that even one move bends, and its
+/// views span a plane.
+const BOOTSTRAP_MOVES: u32 = 2;
+/// First move of joints 1 and 2, rad, each towards the middle of its range.
+const FIRST_MOVE_RAD: [f64; 2] = [0.7, 0.15];
+/// Second move, rad: joint 1 back, joint 2 towards the middle.
+const SECOND_MOVE_RAD: [f64; 2] = [0.2, 0.5];
 /// Another training target is one that is this far, in half image widths, from where the old one was.
 const JUMP_HALF_WIDTHS: f64 = 0.08;
+
+/// A move whose sightings are wild to a larger share than this is not learnt from.
+const MOST_WILD: f64 = 0.5;
+/// After a change that leaves the map so wrong, relative to the motion, the two fixed moves are made again.
+const AT_A_LOSS: f64 = 0.6;
+
+/// A map whose usual surprise is below this can tell the time.
+const GOOD_ENOUGH: f64 = 0.3;
 
 impl Learner {
     pub(crate) fn observe_at_rest(&mut self, mut observation: Observation, moment: &Moment) {
         observation.take(moment, &self.parameters);
         self.activity = Activity::Observing(observation);
         if observation.is_complete(&self.parameters) && !self.awaits_refit(moment) {
+            self.refusals.add(Refused::Restless, u64::from(observation.is_restless()));
             self.decide(observation.sight(), moment);
         }
     }
@@ -27,16 +42,64 @@ impl Learner {
         if let Some(blob) = &moment.blob
             && blob.whole
         {
-            self.trainer.observe(blob.view, &moment.normalisation);
+            if self.parameters.reject_wild {
+                self.sightings.push(moment.sighting(blob.view));
+            } else {
+                self.trainer.observe(blob.view, &moment.normalisation);
+            }
+        }
+        if motion.loses_sight(moment) {
+            // The move ends where the arm is: what is out of view teaches nothing.
+            self.command = Command::GoTo(moment.joints);
+            motion = Motion::to(moment.joints, moment.now_ns);
         }
         let over = motion.is_over_at(moment, &self.parameters);
         self.activity = Activity::Moving(motion);
         if over {
-            self.trainer.finish_move();
-            self.refit_due_ns = moment.now_ns;
-            self.progress.moves += 1;
-            self.progress.moves_to_target += 1;
-            self.activity = Activity::Observing(Observation::default());
+            self.end_move(moment);
+        }
+    }
+
+    fn end_move(&mut self, moment: &Moment) {
+        if self.parameters.reject_wild && !self.learn_what_agrees(&moment.normalisation) {
+            self.trainer.discard_move();
+        } else {
+            let review = self.trainer.finish_move();
+            let lost = review.surprise.is_some_and(|surprise| surprise > AT_A_LOSS);
+            if review.verdict == Verdict::Changed && review.frame.is_none() && lost {
+                self.progress.bootstrap_moves = 0;
+            }
+        }
+        self.sightings.clear();
+        self.refit_due_ns = moment.now_ns;
+        self.progress.moves += 1;
+        self.progress.moves_to_target += 1;
+        self.activity = Activity::Observing(Observation::default());
+    }
+
+    /// Learns from those sightings of the move that agree with each other; `false` where too few do for any
+    /// to be trusted.
+    fn learn_what_agrees(&mut self, normalisation: &Normalisation) -> bool {
+        let (seen, wild) = self.sightings.keep_agreeing(normalisation.half_width_px);
+        self.refusals.add(Refused::Wild, wild as u64);
+        if wild as f64 > MOST_WILD * seen as f64 {
+            return false;
+        }
+        self.trainer.start_move(self.sightings.at_rest());
+        for index in 0..self.sightings.while_moving().len() {
+            let sighting = self.sightings.while_moving()[index];
+            self.time(sighting, normalisation);
+            self.trainer.observe(sighting.view, normalisation);
+        }
+        self.clock_offset.settle();
+        true
+    }
+
+    /// Compares the clocks of camera and joints, by a map that is good enough.
+    pub(crate) fn time(&mut self, sighting: Sighting, normalisation: &Normalisation) {
+        if self.parameters.find_clock_offset && self.trainer.usual_surprise() < GOOD_ENOUGH {
+            let sign = self.parameters.learning.rotation_sign;
+            self.clock_offset.observe(sighting, self.trainer.network(), normalisation, sign);
         }
     }
 
@@ -84,33 +147,45 @@ impl Learner {
     }
 
     fn start_move(&mut self, sight: Option<Sight>, moment: &Moment) {
+        let mut is_fixed = false;
         let goal = match sight {
             Some(sight) => {
-                self.progress.last_seen_from = sight.view.joints;
-                let displacement = self.next_displacement(&sight.view, moment);
-                // Always from where the arm was when it looked, never from where it is now.
+                let fixed = self.bootstrap_displacement(&sight.view);
+                is_fixed = fixed.is_some();
                 let [theta1, theta2] = sight.view.joints;
+                let displacement = match fixed {
+                    Some(displacement) => displacement,
+                    None => self.displacement(sight.view.point_px, theta2, moment),
+                };
+                self.progress.last_seen_from = sight.view.joints;
+                // Always from where the arm was when it looked, never from where it is now.
                 [theta1 + displacement[0], theta2 + displacement[1]]
             }
             None => self.progress.last_seen_from,
         };
         let goal = self.parameters.into_envelope(goal);
         // A target that was cut off by the image's edge is good enough to go by, not to learn from.
-        self.trainer.start_move(sight.filter(|sight| sight.whole).map(|sight| sight.view));
+        let start = sight.filter(|sight| sight.whole).map(|sight| sight.view);
+        self.trainer.start_move(start);
+        self.sightings.begin(start.map(|view| moment.sighting(view)));
         self.command = Command::GoTo(goal);
-        self.activity = Activity::Moving(Motion::to(goal, moment.now_ns));
+        let motion = Motion::to(goal, moment.now_ns);
+        self.activity = Activity::Moving(if is_fixed { motion.watched() } else { motion });
     }
 
-    fn next_displacement(&mut self, view: &View, moment: &Moment) -> [f64; 2] {
-        if self.parameters.bootstrap && self.progress.bootstrap_moves < 2 {
-            self.progress.bootstrap_moves += 1;
-            return match self.progress.bootstrap_moves {
-                1 => [BOOTSTRAP_THETA1_RAD, 0.0],
-                _ if view.joints[1] < THETA2_MIDDLE_RAD => [0.0, BOOTSTRAP_THETA2_RAD],
-                _ => [0.0, -BOOTSTRAP_THETA2_RAD],
-            };
+    /// The next fixed move, rad; `None` when they have been made.
+    fn bootstrap_displacement(&mut self, view: &View) -> Option<[f64; 2]> {
+        if !self.parameters.bootstrap || self.progress.bootstrap_moves >= BOOTSTRAP_MOVES {
+            return None;
         }
-        self.displacement(view.point_px, view.joints[1], moment)
+        self.progress.bootstrap_moves += 1;
+        let [theta1, theta2] = view.joints;
+        let [low, high] = self.parameters.theta1_rad;
+        let (towards1, way) = match self.progress.bootstrap_moves {
+            1 => (0.5 * (low + high), FIRST_MOVE_RAD),
+            _ => (self.progress.last_seen_from[0], SECOND_MOVE_RAD),
+        };
+        Some([way[0].copysign(towards1 - theta1), way[1].copysign(THETA2_MIDDLE_RAD - theta2)])
     }
 
     /// What the network says, rad, shortened to what one command may ask.

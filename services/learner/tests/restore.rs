@@ -70,8 +70,8 @@ fn a_late_refit_is_not_waited_for_for_ever_and_is_merged_when_it_comes() {
         late = learner.refit_job();
     }
     let late = refit(&late.unwrap(), || true);
-    let samples = learner.step(&cell.expose()).state.samples;
-    while cell.turn(&mut learner).state.samples == samples {
+    let here = learner.step(&cell.expose()).set_point.position;
+    while cell.turn(&mut learner).set_point.position == here {
         assert!(cell.frame < 200, "the next move never begins");
     }
     assert_eq!(learner.merge(&late), pursuit_learning::Merge::Merged);

@@ -130,6 +130,7 @@ impl Segmenter {
             segmentation.target.map_or_else(|_| Detection::default(), |found| message(&found, per_frame));
         (target.background_u, target.background_v) =
             (segmentation.background.0 * per_frame, segmentation.background.1 * per_frame);
+        target.background_frames = votes.interval;
     }
 
     /// Robust mode: the most probable candidate of this pair, and the track.
@@ -154,6 +155,10 @@ impl Segmenter {
         target.track_phase = phase as u32;
         let (u, v) = findings.background.in_the_middle();
         (target.background_u, target.background_v) = (u * per_frame, v * per_frame);
+        if findings.outcome == Outcome::Answered {
+            target.background_turn_rad = findings.background.turn_rad() * per_frame;
+            target.background_frames = votes.interval;
+        }
     }
 }
 

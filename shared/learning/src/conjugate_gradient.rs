@@ -23,8 +23,8 @@ const FLAT: f64 = 1e-7;
 const NO_DECREASE: f64 = 1e-5;
 /// ...and how many in a row end the descent.
 const MAX_STALLS: u32 = 3;
-/// Evaluations of the objective after which a descent ends: twice what 120 iterations need.
-const MAX_EVALUATIONS: u32 = 600;
+/// Evaluations of the objective after which a descent ends: half more than 250 iterations need.
+const MAX_EVALUATIONS: u32 = 800;
 
 /// Why a descent ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,6 +41,38 @@ pub enum Stop {
     Stuck,
     /// The caller called it off.
     Cancelled,
+}
+
+/// When a descent of any method ends before its last iteration.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Limits {
+    stalls: u32,
+}
+
+impl Limits {
+    /// A reason not to begin the next iteration. The gradient's sign does not matter.
+    pub(crate) fn before(
+        &self,
+        gradient: &[f64],
+        evaluations: u32,
+        keep_going: &impl Fn() -> bool,
+    ) -> Option<Stop> {
+        if gradient.iter().all(|slope| slope.abs() < FLAT) {
+            Some(Stop::Flat)
+        } else if evaluations >= MAX_EVALUATIONS {
+            Some(Stop::Evaluations)
+        } else if !keep_going() {
+            Some(Stop::Cancelled)
+        } else {
+            None
+        }
+    }
+
+    /// Whether an iteration from one value to the other was one too many of those that did not help.
+    pub(crate) fn stalled(&mut self, before: f64, after: f64) -> bool {
+        self.stalls = if before - after < NO_DECREASE * before.abs() { self.stalls + 1 } else { 0 };
+        self.stalls >= MAX_STALLS
+    }
 }
 
 /// A descent under way, on a function of N variables.
@@ -138,23 +170,16 @@ impl<const N: usize> Descent<N> {
         max_iterations: u32,
         keep_going: impl Fn() -> bool,
     ) -> (Stop, u32) {
-        let mut stalls = 0;
+        let mut limits = Limits::default();
         for iteration in 0..max_iterations {
-            if self.gradient.iter().all(|slope| slope.abs() < FLAT) {
-                return (Stop::Flat, iteration);
-            }
-            if self.evaluations >= MAX_EVALUATIONS {
-                return (Stop::Evaluations, iteration);
-            }
-            if !keep_going() {
-                return (Stop::Cancelled, iteration);
+            if let Some(stop) = limits.before(&self.gradient, self.evaluations, &keep_going) {
+                return (stop, iteration);
             }
             let before = self.value;
             if !self.iterate(objective) {
                 return (Stop::Stuck, iteration);
             }
-            stalls = if before - self.value < NO_DECREASE * before.abs() { stalls + 1 } else { 0 };
-            if stalls >= MAX_STALLS {
+            if limits.stalled(before, self.value) {
                 return (Stop::Stalled, iteration + 1);
             }
         }

@@ -9,6 +9,8 @@ use crate::settings::{Pairing, Settings};
 
 /// Most samples that one view yields: three pairs in both directions.
 pub const MAX_SAMPLES_PER_VIEW: usize = 6;
+/// The first of them are of two views of the same move.
+pub const SAMPLES_WITHIN_MOVE: usize = 4;
 /// Views of one move that are kept: 5 s at 25 Hz, longer than any move.
 const MOVE_VIEWS: usize = 128;
 /// Views of earlier moves to the same target that are kept.
@@ -55,6 +57,17 @@ impl Episode {
         let room = EARLIER_VIEWS - self.earlier.len();
         self.earlier.extend(self.current.drain(..).take(room));
         self.start = None;
+    }
+
+    /// The move under way counts as never made.
+    pub fn discard_move(&mut self) {
+        self.current.clear();
+        self.start = None;
+    }
+
+    /// Forgets the moves before the one under way.
+    pub fn forget_earlier(&mut self) {
+        self.earlier.clear();
     }
 
     /// Pairs the view with earlier ones and takes it in. No allocation.

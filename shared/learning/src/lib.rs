@@ -16,24 +16,42 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod activation;
+pub mod batch;
+pub mod change;
+pub mod clock_offset;
 pub mod conjugate_gradient;
+pub mod consensus;
+pub mod coverage;
 pub mod episode;
 pub mod grid;
+pub mod landmark;
 mod line_search;
 pub mod network;
 pub mod objective;
 pub mod refit;
+pub mod reframe;
 pub mod ring;
 pub mod samples;
 pub mod settings;
+#[cfg(test)]
+mod test_functions;
 pub mod trainer;
+mod watch;
 
+pub use batch::Batch;
+pub use change::{ChangeDetector, Verdict};
+pub use clock_offset::ClockOffset;
 pub use conjugate_gradient::{Descent, Stop};
+pub use coverage::Coverage;
 pub use episode::Episode;
 pub use grid::{GridCase, GridError, evaluate_grid};
+pub use landmark::Landmark;
 pub use network::{HIDDEN, Network, WEIGHTS};
 pub use refit::{RefitJob, RefitResult, refit};
+pub use reframe::Frame;
 pub use ring::Ring;
 pub use samples::{Normalisation, Sample, View};
 pub use settings::{Pairing, Retention, Settings};
 pub use trainer::{Counters, Merge, Trainer};
+pub use watch::Review;

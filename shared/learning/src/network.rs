@@ -1,13 +1,16 @@
 //! The network: three inputs, [`HIDDEN`] tanh units, two linear outputs.
 
+use crate::reframe::Frame;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::activation::tanh;
+
 /// Hidden units. 5 to 8 is what 1991's hardware would carry; from 12 on nothing is gained but time.
 pub const HIDDEN: usize = 12;
 /// Weights of one hidden unit: from x, y and θ2, its threshold, to Δθ1 and Δθ2.
-const PER_UNIT: usize = 6;
+pub(crate) const PER_UNIT: usize = 6;
 /// All weights: the units one after the other, then the thresholds of the two outputs.
 pub const WEIGHTS: usize = PER_UNIT * HIDDEN + 2;
 /// First-layer weights and thresholds start within ± this.
@@ -95,6 +98,19 @@ impl Network {
         self.anchored
     }
 
+    /// The network that says of an image what this one says of that image brought into `frame`.
+    #[must_use]
+    pub fn seen_through(&self, frame: Frame) -> Network {
+        let mut network = self.clone();
+        for unit in &mut network.units {
+            // W1 (M p) = (W1 M) p: the transposed matrix turns the weights back.
+            let [x, y] = [frame.of([1.0, 0.0]), frame.of([0.0, 1.0])];
+            let (w_x, w_y) = (unit[0], unit[1]);
+            (unit[0], unit[1]) = (w_x * x[0] + w_y * x[1], w_x * y[0] + w_y * y[1]);
+        }
+        network
+    }
+
     /// Normalised displacement (Δθ1, Δθ2) for the normalised input (x, y, θ2).
     ///
     /// N(x, y, t) = W2 [tanh(W1 (x, y, t) + b1) − tanh(W1 (0, 0, t) + b1)]; not anchored: W2 tanh(…) + b2.
@@ -166,8 +182,8 @@ impl Activation {
     fn of(unit: &[f64; PER_UNIT], [x, y, t]: [f64; 3], anchored: bool) -> Activation {
         // Written so that x = y = 0 gives the same argument twice, to the bit.
         let threshold = unit[2] * t + unit[3];
-        let here = (unit[0] * x + unit[1] * y + threshold).tanh();
-        Activation { here, centre: if anchored { threshold.tanh() } else { 0.0 } }
+        let here = tanh(unit[0] * x + unit[1] * y + threshold);
+        Activation { here, centre: if anchored { tanh(threshold) } else { 0.0 } }
     }
 
     fn difference(&self) -> f64 {

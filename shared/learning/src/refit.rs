@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::batch::Batch;
 use crate::conjugate_gradient::{CURVATURE, Descent, Stop};
 use crate::network::Network;
-use crate::objective::mean_error_and_gradient;
 use crate::samples::Sample;
 
 /// Everything that a refit needs. The same job gives the same result, bit for bit, on any thread.
@@ -14,6 +14,8 @@ pub struct RefitJob {
     pub number: u64,
     /// Weights to start from.
     pub network: Network,
+    /// Other weights to start from, after a change of the world: see [`FRESH_SHARE`].
+    pub fresh: Option<Network>,
     /// Samples to fit.
     pub samples: Vec<Sample>,
     /// See [`Settings::huber`](crate::Settings::huber).
@@ -39,15 +41,27 @@ pub struct RefitResult {
     pub stop: Stop,
 }
 
+/// A fit from fresh weights is preferred where it leaves less than this share of the error that the fit
+/// from the old ones leaves (design notes on the learner, section 4).
+const FRESH_SHARE: f64 = 0.5;
+
 /// Fits the job's network to its samples, some milliseconds for 100 of them. `keep_going` is asked before each
 /// iteration; what has been reached when it says no is the result.
 pub fn refit(job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
-    let anchored = job.network.anchored();
-    let mut objective = |weights: &_, gradient: &mut _| {
-        let network = Network::from_weights(weights, anchored);
-        mean_error_and_gradient(&network, &job.samples, job.huber, gradient)
-    };
-    let mut descent = Descent::new(&mut objective, job.network.weights(), CURVATURE);
+    let batch = Batch::new(&job.samples, job.huber, job.network.anchored());
+    let result = refit_from(&job.network, &batch, job, &keep_going);
+    match job.fresh.as_ref().map(|fresh| refit_from(fresh, &batch, job, &keep_going)) {
+        Some(fresh) if fresh.error[1] < FRESH_SHARE * result.error[1] => {
+            RefitResult { error: [result.error[0], fresh.error[1]], ..fresh }
+        }
+        _ => result,
+    }
+}
+
+fn refit_from(start: &Network, batch: &Batch, job: &RefitJob, keep_going: impl Fn() -> bool) -> RefitResult {
+    let anchored = start.anchored();
+    let mut objective = |weights: &_, gradient: &mut _| batch.error_and_gradient(weights, gradient);
+    let mut descent = Descent::new(&mut objective, start.weights(), CURVATURE);
     let before = descent.value();
     let (stop, iterations) = descent.run(&mut objective, job.iterations, keep_going);
     RefitResult {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::reframe::Frame;
 use crate::samples::Sample;
 use crate::settings::Retention;
 
@@ -36,6 +37,18 @@ impl Ring {
             };
             self.samples.remove(victim);
         }
+    }
+
+    /// Brings the samples up to the one numbered `last` into another frame of the image.
+    pub fn reframe(&mut self, frame: Frame, last: u64) {
+        for sample in self.samples.iter_mut().filter(|sample| sample.sequence <= last) {
+            *sample = frame.of_sample(sample);
+        }
+    }
+
+    /// Forgets the samples after the one numbered `last`.
+    pub fn forget_after(&mut self, last: u64) {
+        self.samples.retain(|sample| sample.sequence <= last);
     }
 
     /// All samples, oldest first.

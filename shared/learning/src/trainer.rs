@@ -7,18 +7,24 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::episode::Episode;
+use crate::change::{MOST_SAMPLES, Verdict, relative_error, surprise};
+use crate::episode::{Episode, SAMPLES_WITHIN_MOVE};
 use crate::network::Network;
 use crate::objective::{mean_error, online_step};
 use crate::refit::{RefitJob, RefitResult};
+use crate::reframe::Frame;
 use crate::ring::Ring;
 use crate::samples::{Normalisation, Sample, View};
 use crate::settings::Settings;
+use crate::watch::{Before, Review, Watch};
 
 /// Fewer samples than this are not worth a refit.
 const MIN_REFIT_SAMPLES: usize = 4;
 /// More samples than this arriving before a result make the result too old to be replayed: several moves'.
 const MAX_REPLAYED: usize = 512;
+
+/// Motion beside which the error of [`Trainer::observe`] counts, normalised units.
+const FLOOR: f64 = 0.02;
 
 /// What became of a refit's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +52,10 @@ pub struct Counters {
     pub refits_merged: u32,
     /// Refits that were not better, or unsound, or too old to be replayed.
     pub refits_rejected: u32,
+    /// Changes of the world that were noticed.
+    pub changes: u32,
+    /// Moves that were not learnt from.
+    pub discarded_moves: u32,
 }
 
 /// A refit that is out: enough to build the same job again.
@@ -53,6 +63,8 @@ pub struct Counters {
 struct Outstanding {
     number: u64,
     network: Network,
+    /// Fresh weights as another start, after a change.
+    fresh: Option<Network>,
     /// Samples learnt online since.
     arrived: Vec<Sample>,
 }
@@ -68,6 +80,13 @@ pub struct Trainer {
     kept: Vec<Sample>,
     /// ...out of this many.
     of_move: u64,
+    /// What was known when the move began.
+    at_start: Before,
+    /// Samples within the move under way, [`MOST_SAMPLES`] at most.
+    within: Vec<Sample>,
+    watch: Watch,
+    /// Whether the world has changed and nothing was refitted since.
+    changed: bool,
     outstanding: Option<Outstanding>,
     counters: Counters,
     rng: ChaCha8Rng,
@@ -77,9 +96,14 @@ impl Trainer {
     /// An untrained network. Same settings, seed and inputs: same weights, bit for bit.
     pub fn new(settings: &Settings, seed: u64) -> Trainer {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let network = Network::random(&mut rng, settings.anchored);
         Trainer {
             settings: *settings,
-            network: Network::random(&mut rng, settings.anchored),
+            at_start: Before { network: network.clone(), last_sample: 0 },
+            within: Vec::with_capacity(MOST_SAMPLES),
+            watch: Watch::new(&network),
+            changed: false,
+            network,
             ring: Ring::new(settings.memory, settings.retention),
             episode: Episode::default(),
             kept: Vec::with_capacity(settings.kept_per_move as usize),
@@ -105,6 +129,11 @@ impl Trainer {
         &self.counters
     }
 
+    /// How badly a move is usually foretold: 1 for who has learnt nothing, some hundredths later.
+    pub fn usual_surprise(&self) -> f64 {
+        self.watch.usual()
+    }
+
     /// Mean error of the live network over the ring, normalised units.
     pub fn error(&self) -> f64 {
         mean_error(&self.network, self.ring.samples(), self.settings.huber)
@@ -118,37 +147,122 @@ impl Trainer {
     /// A move begins; `start` is what was seen at rest before it.
     pub fn start_move(&mut self, start: Option<View>) {
         self.episode.start_move(start);
+        self.at_start.network.clone_from(&self.network);
+        self.at_start.last_sample = self.counters.samples;
         self.kept.clear();
+        self.within.clear();
         self.of_move = 0;
     }
 
     /// Learns online from a view during a move: one step of back-propagation for each sample that it
-    /// makes with earlier views. No allocation.
-    pub fn observe(&mut self, view: View, normalisation: &Normalisation) {
+    /// makes with earlier views. Says how wrong the weights were about the motion within this move, as
+    /// the mean error relative to the motion; `None` where no sample could be made. No allocation.
+    pub fn observe(&mut self, view: View, normalisation: &Normalisation) -> Option<f64> {
         let samples = self.episode.observe(view, normalisation, &self.settings, &mut self.rng);
-        for mut sample in samples.into_iter().flatten() {
+        let (mut error, mut count) = (0.0, 0u32);
+        for (index, sample) in samples.into_iter().enumerate() {
+            let Some(mut sample) = sample else { continue };
             self.counters.samples += 1;
             sample.sequence = self.counters.samples;
+            if index < SAMPLES_WITHIN_MOVE {
+                error += relative_error(&self.network, &sample, FLOOR).min(1.0);
+                count += 1;
+                if self.within.len() < MOST_SAMPLES {
+                    self.within.push(sample);
+                }
+            }
             self.learn_online(sample);
             self.keep(sample);
         }
+        (count > 0).then(|| error / f64::from(count))
     }
 
-    /// The move is over: its kept samples go to the ring and a refit becomes due.
-    pub fn finish_move(&mut self) {
+    /// Whether enough was seen of the move under way to judge it.
+    pub fn can_judge(&self) -> bool {
+        surprise(&self.at_start.network, &self.within).is_some()
+    }
+
+    /// The move is over: its kept samples go to the ring and a refit becomes due. Where the move shows
+    /// that the world has changed, what was learnt before it is brought into the new frame of the image, or
+    /// forgotten where no frame explains it.
+    pub fn finish_move(&mut self) -> Review {
+        let mut review = Review { surprise: None, verdict: Verdict::Same, frame: None };
+        if self.settings.detect_change {
+            review = self.watch.review(&self.within, &self.at_start);
+        }
+        if review.verdict == Verdict::Changed {
+            self.episode.forget_earlier();
+        }
         self.episode.end_move();
-        self.kept.sort_by_key(|sample| sample.sequence);
-        for sample in self.kept.drain(..) {
-            self.ring.admit(sample);
+        if review.verdict == Verdict::Changed {
+            self.begin_anew(review.frame);
+        } else {
+            if let Some(better) = review.frame {
+                self.reframe(better);
+            }
+            self.kept.sort_by_key(|sample| sample.sequence);
+            self.kept.drain(..).for_each(|sample| self.ring.admit(sample));
         }
-        if self.settings.iterations > 0 && self.ring.samples().len() >= MIN_REFIT_SAMPLES {
-            self.counters.refits_started += 1;
-            self.outstanding = Some(Outstanding {
-                number: self.counters.refits_started,
-                network: self.network.clone(),
-                arrived: Vec::new(),
-            });
+        self.ask_for_refit();
+        review
+    }
+
+    /// The move under way taught nothing that can be trusted: as if it had not been made.
+    pub fn discard_move(&mut self) {
+        self.network.clone_from(&self.at_start.network);
+        self.counters.version += 1;
+        self.counters.discarded_moves += 1;
+        self.kept.clear();
+        self.within.clear();
+        self.episode.discard_move();
+    }
+
+    /// The world has changed. Of what was learnt before, that stays which a new frame explains; of what was
+    /// seen since, a fair choice of the samples within moves: a pair across the change is wrong.
+    fn begin_anew(&mut self, frame: Option<Frame>) {
+        self.counters.changes += 1;
+        let last = self.watch.before().last_sample;
+        match frame {
+            Some(frame) => {
+                self.network = self.watch.before().network.seen_through(frame);
+                self.counters.version += 1;
+                self.ring.forget_after(last);
+                self.reframe(frame);
+            }
+            None => {
+                self.ring.forget_after(0);
+                self.changed = true;
+            }
         }
+        self.kept.clear();
+        self.of_move = 0;
+        for index in 0..self.watch.since().len() {
+            let sample = self.watch.since()[index];
+            self.keep(sample);
+        }
+        self.kept.drain(..).for_each(|sample| self.ring.admit(sample));
+    }
+
+    /// Brings the samples from before the change out of the frame they are in, into `better`.
+    fn reframe(&mut self, better: Frame) {
+        let step = self.watch.frame().then(better.inverse());
+        self.ring.reframe(step, self.watch.before().last_sample);
+        self.watch.set_frame(better);
+    }
+
+    fn ask_for_refit(&mut self) {
+        if self.settings.iterations == 0 || self.ring.samples().len() < MIN_REFIT_SAMPLES {
+            return;
+        }
+        self.counters.refits_started += 1;
+        let fresh = self.changed.then(|| Network::random(&mut self.rng, self.settings.anchored));
+        self.changed = false;
+        self.outstanding = Some(Outstanding {
+            number: self.counters.refits_started,
+            network: self.network.clone(),
+            fresh,
+            arrived: Vec::new(),
+        });
     }
 
     /// Number of the refit that is due or out: from the end of a move until its result is merged, refused
@@ -163,6 +277,7 @@ impl Trainer {
         self.outstanding.as_ref().map(|outstanding| RefitJob {
             number: outstanding.number,
             network: outstanding.network.clone(),
+            fresh: outstanding.fresh.clone(),
             samples: self.ring.samples().to_vec(),
             huber: self.settings.huber,
             iterations: self.settings.iterations,

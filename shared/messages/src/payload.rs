@@ -13,6 +13,8 @@ pub const MAX_CELLS: usize = 1024;
 pub const MAX_CYCLES: usize = 32;
 /// Room for the learner's weights.
 pub const MAX_WEIGHTS: usize = 192;
+/// Reasons for which the learner does not use what comes in.
+pub const REFUSED: usize = 8;
 
 /// Candidates that vision tells of one pair at most.
 pub const MAX_CANDIDATES: usize = 4;
@@ -225,7 +227,7 @@ pub enum TrackPhase {
 /// blob, who follows takes the motion of the single pair or the track over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/Target/2")]
+#[type_name("pursuit/Target/3")]
 pub struct Target {
     /// What moves independently of the camera, from this pair alone.
     pub motion: Detection,
@@ -237,10 +239,16 @@ pub struct Target {
     pub track_id: u32,
     /// A static bright object, for training.
     pub blob: Detection,
-    /// Velocity of the background, px/frame.
+    /// Velocity of the background, px/frame: its displacement that ends in the middle of the newer image.
     pub background_u: f64,
     /// As `background_u`, downward.
     pub background_v: f64,
+    /// How fast the background turns in the image, rad/frame, from right to down; 0 in paper mode.
+    pub background_turn_rad: f64,
+    /// Frames over which the background's motion was measured; 0 where it was not.
+    pub background_frames: u32,
+    /// Always 0.
+    pub reserved: u32,
     /// Computing time of the segmentation, ns.
     pub segmentation_ns: u64,
 }
@@ -328,7 +336,7 @@ pub struct SetPoint {
 /// The learner's inside, for people and for evaluation (topic LEARNER_STATE).
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/LearnerState/1")]
+#[type_name("pursuit/LearnerState/2")]
 pub struct LearnerState {
     /// [`Phase`] as a number.
     pub phase: u32,
@@ -350,6 +358,20 @@ pub struct LearnerState {
     pub refit_ns: u64,
     /// Mean error over the ring after the last refit (normalised units).
     pub loss: f64,
+    /// Changes of the world (a knocked camera, another lens) that were noticed.
+    pub changes: u32,
+    /// 1 where the map foretells how the image moves; 0 where it does not and the arm follows with care.
+    pub consistent: u32,
+    /// Error of the map about the image's motion now, relative to that motion.
+    pub surprise: f64,
+    /// Standard deviation of what the map says of the last target, rad.
+    pub uncertainty_rad: f64,
+    /// Time that the joints' clock is ahead of the camera's, as found out and made up for, ns.
+    pub clock_offset_ns: i64,
+    /// Time from a set-point to its effect that is predicted over, ns.
+    pub lead_ns: u64,
+    /// What was not used, by reason: the learner's `Refused` has the order.
+    pub refused: [u64; REFUSED],
     /// Weights used of `weights`.
     pub weight_count: u32,
     /// Hidden units.
@@ -371,6 +393,13 @@ impl Default for LearnerState {
             refits_rejected: 0,
             refit_ns: 0,
             loss: 0.0,
+            changes: 0,
+            consistent: 0,
+            surprise: 0.0,
+            uncertainty_rad: 0.0,
+            clock_offset_ns: 0,
+            lead_ns: 0,
+            refused: [0; REFUSED],
             weight_count: 0,
             hidden: 0,
             weights: [0.0; MAX_WEIGHTS],

@@ -27,11 +27,22 @@ pub struct Conditions {
     pub latency_frames: usize,
     pub focal_px: f64,
     pub mount_rad: f64,
+    /// Share of the detections that are anywhere.
+    pub wild: f64,
+    /// Noise of the background's displacement from frame to frame.
+    pub flow_noise_px: f64,
 }
 
 impl Default for Conditions {
     fn default() -> Conditions {
-        Conditions { noise_px: 0.5, latency_frames: 2, focal_px: 256.0, mount_rad: 0.0 }
+        Conditions {
+            noise_px: 0.5,
+            latency_frames: 2,
+            focal_px: 256.0,
+            mount_rad: 0.0,
+            wild: 0.0,
+            flow_noise_px: 0.1,
+        }
     }
 }
 
@@ -51,6 +62,8 @@ pub struct Cell {
     pub target: [f64; 2],
     /// Velocity of the target, m/s, once it is a vehicle.
     pub target_velocity: [f64; 2],
+    /// Joints and turn of the camera at the last exposure.
+    before: Option<([f64; 2], f64)>,
 }
 
 impl Cell {
@@ -77,6 +90,7 @@ impl Cell {
             target_index: 0,
             target: [0.0; 2],
             target_velocity: [0.0; 2],
+            before: None,
         };
         cell.place_target();
         cell
@@ -104,15 +118,25 @@ impl Cell {
         (x - self.target[0]).hypot(y - self.target[1])
     }
 
+    /// Where a camera with that mounting angle sees a point of the table, px from the image's centre.
+    fn project(&self, joints: [f64; 2], mount_rad: f64, point: [f64; 2]) -> [f64; 2] {
+        let all = self.coupling.joints(joints[0], joints[1]).unwrap();
+        let pose = self.coupling.arm().base_from_camera(&all, mount_rad);
+        self.camera.project(&pose, [point[0], point[1], 0.0]).unwrap()
+    }
+
     fn see(&mut self) -> Detection {
-        let all = self.coupling.joints(self.joints[0], self.joints[1]).unwrap();
-        let pose = self.coupling.arm().base_from_camera(&all, self.camera.mount_rad);
-        let point = self.camera.project(&pose, [self.target[0], self.target[1], 0.0]).unwrap();
+        let point = self.project(self.joints, self.camera.mount_rad, self.target);
         if !self.camera.sees(point) {
             return Detection::default();
         }
         let noise = gaussian_pair(&mut self.rng).map(|z| z * self.conditions.noise_px);
-        let [u, v] = self.camera.pixel_from_centred([point[0] + noise[0], point[1] + noise[1]]);
+        let mut seen = [point[0] + noise[0], point[1] + noise[1]];
+        if self.conditions.wild > 0.0 && self.rng.random_range(0.0..1.0) < self.conditions.wild {
+            let half = f64::from(self.camera.width) / 2.0 - 1.0;
+            seen = [0, 1].map(|_| self.rng.random_range(-half..half));
+        }
+        let [u, v] = self.camera.pixel_from_centred(seen);
         Detection { found: 1, u, v, confidence: 1.0, ..Detection::default() }
     }
 
@@ -120,11 +144,21 @@ impl Cell {
     pub fn expose(&mut self) -> Input {
         self.frame += 1;
         let detection = self.see();
+        let mut target = Target { motion: detection, blob: detection, ..Target::default() };
+        let now = (self.joints, self.camera.mount_rad);
+        if let Some((joints, mount_rad)) = self.before.replace(now) {
+            let middle = self.coupling.camera_xy(self.joints[0], self.joints[1]);
+            let origin = self.project(joints, mount_rad, middle);
+            let noise = gaussian_pair(&mut self.rng).map(|z| z * self.conditions.flow_noise_px);
+            (target.background_u, target.background_v) = (noise[0] - origin[0], noise[1] - origin[1]);
+            target.background_turn_rad = self.joints[0] - joints[0] + mount_rad - self.camera.mount_rad;
+            target.background_frames = 1;
+        }
         Input {
             frame: self.frame,
             exposure_ns: self.frame * FRAME_NS,
             image: ImageShape { width: 512, height: 512, stride: 512, format: 1 },
-            target: Target { motion: detection, blob: detection, ..Target::default() },
+            target,
             joints: self.joints,
             velocities: self.velocities,
         }

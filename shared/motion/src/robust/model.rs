@@ -52,6 +52,12 @@ impl GlobalMotion {
         (u, v)
     }
 
+    /// How far the image turns over the pair, rad, from right to down, for small angles.
+    pub fn turn_rad(&self) -> f64 {
+        let [_, _, a2, _, a4, ..] = self.coefficients;
+        (a4 - a2) / (2.0 * self.half_length)
+    }
+
     /// Where the background point at (u, v) of the older frame is in the newer one, px.
     pub fn forward(&self, u: f64, v: f64) -> (f64, f64) {
         // The displacement is given at its end: two steps of a fixed point are exact to 1e-3 px at 10 %

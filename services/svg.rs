@@ -8,6 +8,8 @@ const SIZE: (f64, f64) = (760.0, 520.0);
 const MARGIN: [f64; 4] = [70.0, 48.0, 24.0, 56.0];
 /// Wanted number of ticks per axis.
 const TICKS: f64 = 7.0;
+/// A logarithmic axis over more decades than this is marked at the powers of ten alone.
+const MANY_DECADES: f64 = 3.0;
 
 /// One curve or cloud of points.
 pub struct Series {
@@ -112,8 +114,9 @@ impl Plot {
                 t = height - bottom + 18.0
             );
         }
-        let least_step: f64 = if self.log_y { 1.0 } else { 0.0 };
-        for value in ticks(axes.low[1], axes.high[1], least_step.max(f64::MIN_POSITIVE)) {
+        let [low, high] = [axes.low[1], axes.high[1]];
+        let values = if self.log_y { log_ticks(low, high) } else { ticks(low, high, f64::MIN_POSITIVE) };
+        for value in values {
             let [_, y] = axes.place_linear([axes.low[0], value]);
             let label = if self.log_y { short(10f64.powf(value)) } else { short(value) };
             let _ = writeln!(
@@ -222,6 +225,15 @@ fn ticks(low: f64, high: f64, least_step: f64) -> Vec<f64> {
     (first..=last).map(|k| k as f64 * step).collect()
 }
 
+/// Decimal logarithms of 1, 2 and 5 times the powers of ten between 10^`low` and 10^`high`; of the powers
+/// alone where there are many.
+fn log_ticks(low: f64, high: f64) -> Vec<f64> {
+    let parts: &[f64] = if high - low > MANY_DECADES { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let powers = low.floor() as i32..=high.ceil() as i32;
+    let all = powers.flat_map(|power| parts.iter().map(move |part| f64::from(power) + part.log10()));
+    all.filter(|value| (low..=high).contains(value)).collect()
+}
+
 fn short(value: f64) -> String {
     let text = format!("{value:.3}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -260,6 +272,18 @@ mod tests {
         let svg = plot(Vec::new()).svg();
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n") && !svg.contains("NaN"));
         assert!(svg.contains("a &lt; b"));
+    }
+
+    #[test]
+    fn a_logarithmic_axis_has_marks_within_a_decade() {
+        let values = |low: f64, high: f64| -> Vec<f64> {
+            log_ticks(low.log10(), high.log10()).into_iter().map(|v| 10f64.powf(v)).collect()
+        };
+        for (is, wanted) in values(0.3, 24.0).into_iter().zip([0.5, 1.0, 2.0, 5.0, 10.0, 20.0]) {
+            assert!((is / wanted - 1.0).abs() < 1e-12, "{is}, {wanted}");
+        }
+        assert_eq!(values(0.3, 24.0).len(), 6);
+        assert_eq!(values(0.002, 30.0).len(), 4);
     }
 
     #[test]

@@ -165,6 +165,7 @@ impl Trainer {
             network: outstanding.network.clone(),
             samples: self.ring.samples().to_vec(),
             huber: self.settings.huber,
+            method: self.settings.method,
             iterations: self.settings.iterations,
         })
     }

@@ -2,6 +2,7 @@
 
 use crate::config::{Controller, Parameters, Profile};
 use pursuit_config::Checker;
+use pursuit_learning::Method;
 use pursuit_runtime::settings;
 use std::time::Duration;
 
@@ -48,6 +49,12 @@ fn read(checker: &Checker<'_>) -> Parameters {
     learning.eta = section.float_or("eta", crate::config::ETA, learning.eta);
     learning.iterations = section.integer_or("iterations", crate::config::ITERATIONS, learning.iterations);
     learning.detect_change = section.flag_or("detect_change", learning.detect_change);
+    let methods = [
+        ("cg", Method::ConjugateGradient),
+        ("scg", Method::ScaledConjugateGradient),
+        ("lm", Method::LevenbergMarquardt),
+    ];
+    learning.method = section.choice_or("trainer", &methods, learning.method);
     let signs = [("upright", -1.0), ("mirrored", 1.0)];
     learning.rotation_sign = section.choice_or("image", &signs, learning.rotation_sign);
     if let Some(fault) = parameters.fault() {

@@ -3,6 +3,7 @@
 use multiversion::multiversion;
 
 use crate::activation::tanh;
+use crate::levenberg_marquardt::{NormalEquations, Squares};
 use crate::network::{HIDDEN, PER_UNIT, WEIGHTS};
 use crate::samples::Sample;
 
@@ -58,6 +59,29 @@ impl Batch {
     }
 }
 
+impl Squares<WEIGHTS> for Batch {
+    fn value(&mut self, weights: &[f64; WEIGHTS]) -> f64 {
+        self.error_and_gradient(weights, &mut [0.0; WEIGHTS])
+    }
+
+    /// Of Huber's error: a sample beyond the threshold counts by the share threshold / residual.
+    fn normal_equations(
+        &mut self,
+        weights: &[f64; WEIGHTS],
+        equations: &mut NormalEquations<WEIGHTS>,
+    ) -> f64 {
+        equations.clear();
+        add_up_squares(self, weights, &mut equations.matrix);
+        let count = self.count.max(1) as f64;
+        for row in &mut equations.matrix {
+            for product in row {
+                *product /= count;
+            }
+        }
+        self.error_and_gradient(weights, &mut equations.gradient)
+    }
+}
+
 impl Block {
     fn of(samples: &[Sample]) -> Block {
         let mut block = Block { input: [[0.0; LANES]; 3], output: [[0.0; LANES]; 2], weight: [0.0; LANES] };
@@ -110,6 +134,59 @@ fn add_up(batch: &Batch, weights: &[f64; WEIGHTS], sums: &mut Sums) {
             }
         }
     }
+}
+
+/// Adds up JᵀJ of all samples, the lower triangle.
+#[multiversion(targets("x86_64+avx+avx2", "x86_64+avx"))]
+fn add_up_squares(batch: &Batch, weights: &[f64; WEIGHTS], matrix: &mut [[f64; WEIGHTS]]) {
+    let (units, offset) = weights.split_at(PER_UNIT * HIDDEN);
+    let units = units.as_chunks::<PER_UNIT>().0;
+    let mut activations = Activations { here: [[0.0; LANES]; HIDDEN], centre: [[0.0; LANES]; HIDDEN] };
+    for block in &batch.blocks {
+        let mut output = if batch.anchored { [0.0; 2] } else { [offset[0], offset[1]] }.map(|o| [o; LANES]);
+        forward(block, units, batch.anchored, &mut activations, &mut output);
+        for lane in 0..LANES {
+            let residual = [0, 1].map(|axis| output[axis][lane] - block.output[axis][lane]);
+            let length = (residual[0] * residual[0] + residual[1] * residual[1]).sqrt();
+            let share = if length > batch.threshold { batch.threshold / length } else { 1.0 };
+            let weight = share * block.weight[lane];
+            for axis in 0..2 {
+                let row = jacobian_row(block, units, &activations, batch.anchored, (lane, axis));
+                for (index, slope) in row.iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
+                    let scaled = weight * slope;
+                    for (sum, other) in matrix[index][..=index].iter_mut().zip(&row) {
+                        *sum += scaled * other;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Derivative of one output of one sample with respect to all weights.
+#[inline(always)]
+fn jacobian_row(
+    block: &Block,
+    units: &[[f64; PER_UNIT]],
+    activations: &Activations,
+    anchored: bool,
+    (lane, axis): (usize, usize),
+) -> [f64; WEIGHTS] {
+    let mut row = [0.0; WEIGHTS];
+    let anchor = if anchored { 1.0 } else { 0.0 };
+    let (slopes, offset) = row.split_at_mut(PER_UNIT * HIDDEN);
+    for (index, (unit, slope)) in units.iter().zip(slopes.as_chunks_mut::<PER_UNIT>().0).enumerate() {
+        let (here, centre) = (activations.here[index][lane], activations.centre[index][lane]);
+        let steep = unit[4 + axis] * (1.0 - here * here);
+        let threshold = steep - anchor * unit[4 + axis] * (1.0 - centre * centre);
+        slope[0] = steep * block.input[0][lane];
+        slope[1] = steep * block.input[1][lane];
+        slope[2] = threshold * block.input[2][lane];
+        slope[3] = threshold;
+        slope[4 + axis] = here - centre;
+    }
+    offset[axis] = 1.0 - anchor;
+    row
 }
 
 /// Adds what the units say to `output`.
@@ -229,6 +306,42 @@ mod tests {
             prop_assert!((batch.error_and_gradient(&network.weights(), &mut gradient) - error).abs() < 1e-14);
             for (slope, expected) in gradient.iter().zip(&expected) {
                 prop_assert!((slope - expected).abs() < 1e-14, "{} {}", slope, expected);
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20))]
+        /// The oracle: products of finite differences of what the network says, no sample beyond Huber's
+        /// threshold.
+        #[test]
+        fn the_normal_equations_are_products_of_derivatives(seed: u64, anchored: bool) {
+            const STEP: f64 = 1e-5;
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let network = Network::random(&mut rng, anchored);
+            let samples = samples(&mut rng, 11);
+            let mut equations =
+                NormalEquations { gradient: [0.0; WEIGHTS], matrix: vec![[0.0; WEIGHTS]; WEIGHTS] };
+            let mut batch = Batch::new(&samples, None, anchored);
+            let weights = network.weights();
+            batch.normal_equations(&weights, &mut equations);
+            let derivative = |sample: &Sample, index: usize| {
+                let at = |step: f64| {
+                    let mut moved = weights;
+                    moved[index] += step;
+                    Network::from_weights(&moved, anchored).predict(sample.input)
+                };
+                let (after, before) = (at(STEP), at(-STEP));
+                [0, 1].map(|axis| (after[axis] - before[axis]) / (2.0 * STEP))
+            };
+            for (row, column) in [(0, 0), (8, 3), (17, 16), (70, 41), (70, 70), (WEIGHTS - 1, 5)] {
+                let sum: f64 = samples
+                    .iter()
+                    .map(|sample| (derivative(sample, row), derivative(sample, column)))
+                    .map(|(a, b)| a[0] * b[0] + a[1] * b[1])
+                    .sum();
+                let expected = sum / samples.len() as f64;
+                prop_assert!((equations.matrix[row][column] - expected).abs() < 1e-8);
             }
         }
     }

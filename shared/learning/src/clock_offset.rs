@@ -135,6 +135,7 @@ mod tests {
             fresh: None,
             samples,
             huber: None,
+            method: crate::Method::ConjugateGradient,
             iterations: 600,
         };
         crate::refit(&job, || true).network

@@ -21,6 +21,26 @@ pub enum Retention {
     Fifo,
 }
 
+/// How a refit minimises.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Method {
+    /// Conjugate gradients with a line search, as in the paper.
+    #[default]
+    ConjugateGradient,
+    /// Scaled conjugate gradients (Møller).
+    ScaledConjugateGradient,
+    /// Levenberg-Marquardt, [`Method::MARQUARDT_ITERATIONS`] at most: it gets deeper with each, and more
+    /// would fit what the few samples of the first moves do not say.
+    LevenbergMarquardt,
+}
+
+impl Method {
+    /// Iterations of Levenberg-Marquardt in one refit at most.
+    pub const MARQUARDT_ITERATIONS: u32 = 8;
+    /// ρ of Levenberg-Marquardt: how firmly a refit holds to the weights that it starts from.
+    pub const MARQUARDT_RIDGE: f64 = 1e-4;
+}
+
 /// All settings of learning.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
@@ -43,7 +63,9 @@ pub struct Settings {
     pub eta: f64,
     /// Residual beyond which a sample pulls only linearly, normalised units; `None`: quadratic.
     pub huber: Option<f64>,
-    /// Conjugate-gradient iterations of a refit, 0 (off) to 1000.
+    /// How a refit minimises.
+    pub method: Method,
+    /// Iterations of a refit at most, 0 (off) to 1000.
     pub iterations: u32,
     /// Whether a world that changed is noticed, and what no longer holds forgotten: see
     /// [`ChangeDetector`](crate::ChangeDetector).
@@ -63,6 +85,7 @@ impl Settings {
             rotation_sign: -1.0,
             eta: 0.1,
             huber: Some(0.05),
+            method: Method::ConjugateGradient,
             // 60 are enough for the design's camera, which sees 0.64 m. The default cell's sees 1.0 m, its map
             // is more curved: with 250 in place of 120 the moves to 1 cm are fewer by a quarter.
             iterations: 250,
@@ -82,6 +105,7 @@ impl Settings {
             rotation_sign: -1.0,
             eta: 0.1,
             huber: None,
+            method: Method::ConjugateGradient,
             iterations: 50,
             detect_change: false,
         }

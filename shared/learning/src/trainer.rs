@@ -290,6 +290,7 @@ impl Trainer {
             fresh: outstanding.fresh.clone(),
             samples: self.ring.samples().to_vec(),
             huber: self.settings.huber,
+            method: self.settings.method,
             iterations: self.settings.iterations,
         })
     }

@@ -82,7 +82,7 @@ impl Lessons {
         if background.turn_rad.is_some_and(|turn| (turn - turned).abs() > TURN_TOLERANCE_RAD) {
             return Err(Refused::Unexplained);
         }
-        landmark.advance(background.shift_px, moment.joints, rotation_sign);
+        landmark.advance(background.shift_px, (moment.joints, moment.velocities), rotation_sign);
         self.landmark = Some((landmark, moment.frame));
         Ok(Some(*landmark.view()))
     }
@@ -132,7 +132,7 @@ impl Learner {
     }
 
     fn begin_landmark(&mut self, lessons: &mut Lessons, moment: &Moment) {
-        let landmark = Landmark::in_the_middle(moment.joints);
+        let landmark = Landmark::in_the_middle(moment.joints, moment.velocities);
         lessons.landmark = Some((landmark, moment.frame));
         (lessons.landmark_since_ns, lessons.lesson_since_ns) = (moment.now_ns, moment.now_ns);
         lessons.last_ns = moment.now_ns;
@@ -147,7 +147,7 @@ impl Learner {
         if now_ns < lessons.lesson_since_ns + nanos(length) || !self.trainer.can_judge() {
             return;
         }
-        self.clock_offset.settle();
+        self.settle_clock();
         let review = self.trainer.finish_move();
         lessons.lesson_since_ns = now_ns;
         if review.verdict == Verdict::Changed {

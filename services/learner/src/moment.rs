@@ -64,7 +64,7 @@ pub(crate) struct Blob {
 impl Moment {
     /// A view of something in this frame.
     pub(crate) fn sighting(&self, view: View) -> Sighting {
-        Sighting { time_ns: self.now_ns, view, velocities: self.velocities }
+        Sighting { time_ns: self.now_ns, view }
     }
 
     /// `Err` where joints or image cannot be used. A detection that cannot be is none, and counted.
@@ -102,7 +102,7 @@ impl Moment {
             velocities: input.velocities,
             speed: input.velocities[0].abs().max(input.velocities[1].abs()),
             blob: centred(blob).map(|point_px| Blob {
-                view: View { point_px, joints },
+                view: View { point_px, joints, velocities: input.velocities },
                 whole: is_whole(point_px, blob.area_px, half),
                 off_centre: (point_px[0].abs() / half[0]).max(point_px[1].abs() / half[1]),
             }),

@@ -154,6 +154,7 @@ impl Observation {
         Some(View {
             point_px: [median(|view| view.point_px[0]), median(|view| view.point_px[1])],
             joints: [median(|view| view.joints[0]), median(|view| view.joints[1])],
+            velocities: [0.0; 2],
         })
     }
 }
@@ -171,7 +172,7 @@ mod tests {
     const FRAME_NS: u64 = 40_000_000;
 
     fn moment(frame: u64, speed: f64, point: Option<f64>) -> Moment {
-        let view = |x| View { point_px: [x, -x], joints: [0.0, 0.6] };
+        let view = |x| View { point_px: [x, -x], joints: [0.0, 0.6], velocities: [0.0; 2] };
         Moment {
             frame,
             now_ns: frame * FRAME_NS,

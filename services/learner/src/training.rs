@@ -97,7 +97,7 @@ impl Learner {
             self.time(sighting, normalisation);
             self.trainer.observe(sighting.view, normalisation);
         }
-        self.clock_offset.settle();
+        self.settle_clock();
         true
     }
 
@@ -106,6 +106,14 @@ impl Learner {
         if self.parameters.find_clock_offset && self.trainer.usual_surprise() < GOOD_ENOUGH {
             let sign = self.parameters.learning.rotation_sign;
             self.clock_offset.observe(sighting, self.trainer.network(), normalisation, sign);
+        }
+    }
+
+    /// Corrects the clock offset by what was seen since the last time, and what was learnt with a wrong one.
+    pub(crate) fn settle_clock(&mut self) {
+        let correction_s = self.clock_offset.settle();
+        if correction_s != 0.0 {
+            self.trainer.retime(correction_s);
         }
     }
 

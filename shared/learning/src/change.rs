@@ -157,7 +157,7 @@ mod tests {
         let sample = |k: u32, factor: f64| {
             let input = [0.1 * f64::from(k + 2), -0.4, 0.2];
             let said = network.predict(input);
-            Sample { input, output: [said[0] / factor, said[1] / factor], sequence: 0 }
+            Sample { input, output: [said[0] / factor, said[1] / factor], ..Sample::default() }
         };
         // A network that says `factor` times what is true is wrong by |factor − 1| (and the floor).
         let mut samples: Vec<Sample> = (0..9).map(|k| sample(k, 1.5)).collect();

@@ -66,7 +66,7 @@ impl ClockOffset {
             let foretold = normalisation.displacement(network.predict(input));
             for (joint, foretold) in foretold.into_iter().enumerate() {
                 let error = foretold - (seen.view.joints[joint] - older.view.joints[joint]);
-                let change = seen.velocities[joint] - older.velocities[joint];
+                let change = seen.view.velocities[joint] - older.view.velocities[joint];
                 if error.abs() < MAX_ERROR_RAD {
                     self.product += error * change;
                     self.square += change * change;
@@ -81,15 +81,18 @@ impl ClockOffset {
         self.count += 1;
     }
 
-    /// A move or a lesson is over: corrects the estimate where there is evidence enough.
-    pub fn settle(&mut self) {
+    /// A move or a lesson is over: corrects the estimate where there is evidence enough, and says by how
+    /// much, s.
+    pub fn settle(&mut self) -> f64 {
         self.restart();
         if self.square < ENOUGH {
-            return;
+            return 0.0;
         }
         let found = GAIN * self.product / self.square;
-        self.estimate_s = (self.estimate_s + found).clamp(-MAX_OFFSET_S, MAX_OFFSET_S);
         (self.product, self.square) = (0.0, 0.0);
+        let before = self.estimate_s;
+        self.estimate_s = (before + found).clamp(-MAX_OFFSET_S, MAX_OFFSET_S);
+        self.estimate_s - before
     }
 }
 
@@ -125,7 +128,7 @@ mod tests {
                 samples.push(crate::Sample {
                     input: NORMALISATION.input(point, theta2),
                     output: NORMALISATION.output(displacement),
-                    sequence: 0,
+                    ..crate::Sample::default()
                 });
             }
         }
@@ -160,8 +163,8 @@ mod tests {
                     let point_px = camera.project(&pose, [target[0], target[1], 0.0]).unwrap();
                     let (read, velocities) = motion(stamp_s, back);
                     let joints = [0, 1].map(|k| read[k] + offset.seconds() * velocities[k]);
-                    let view = View { point_px, joints };
-                    let seen = Sighting { time_ns: frame * FRAME_NS, view, velocities };
+                    let view = View { point_px, joints, velocities };
+                    let seen = Sighting { time_ns: frame * FRAME_NS, view };
                     offset.observe(seen, &network, &NORMALISATION, -1.0);
                 }
                 offset.settle();

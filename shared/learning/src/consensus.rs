@@ -19,15 +19,13 @@ const TOLERANCE_HALF_WIDTHS: f64 = 0.05;
 /// ...and beside that in ways from frame to frame.
 const TOLERANCE_STEPS: f64 = 0.5;
 
-/// A view, when it was, and how the arm moved.
+/// A view and when it was.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sighting {
     /// Exposure, ns.
     pub time_ns: u64,
     /// What was seen.
     pub view: View,
-    /// Velocities of joints 1 and 2, rad/s.
-    pub velocities: [f64; 2],
 }
 
 /// Keeps those sightings that are where pairs of their neighbours say they must be, on a straight way at
@@ -110,8 +108,7 @@ mod tests {
         (0..25)
             .map(|k| Sighting {
                 time_ns: 7 + k * FRAME_NS,
-                view: View { point_px: [200.0 - way(k), 0.4 * way(k) - 60.0], joints: [0.0; 2] },
-                velocities: [0.0; 2],
+                view: View { point_px: [200.0 - way(k), 0.4 * way(k) - 60.0], ..View::default() },
             })
             .collect()
     }

@@ -65,6 +65,13 @@ impl Episode {
         self.start = None;
     }
 
+    /// Takes the joints of all views as they were `seconds` later.
+    pub fn retime(&mut self, seconds: f64) {
+        for view in self.start.iter_mut().chain(&mut self.current).chain(&mut self.earlier) {
+            *view = view.later(seconds);
+        }
+    }
+
     /// Forgets the moves before the one under way.
     pub fn forget_earlier(&mut self) {
         self.earlier.clear();
@@ -119,7 +126,7 @@ mod tests {
 
     fn view(step: u32) -> View {
         let angle = 0.05 * f64::from(step);
-        View { point_px: [100.0 * angle, 0.0], joints: [angle, 0.6] }
+        View { point_px: [100.0 * angle, 0.0], joints: [angle, 0.6], ..View::default() }
     }
 
     fn count(samples: [Option<Sample>; MAX_SAMPLES_PER_VIEW]) -> usize {

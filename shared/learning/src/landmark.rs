@@ -17,8 +17,8 @@ pub struct Landmark {
 
 impl Landmark {
     /// The point that is now in the middle of the image.
-    pub fn in_the_middle(joints: [f64; 2]) -> Landmark {
-        Landmark { view: View { point_px: [0.0; 2], joints } }
+    pub fn in_the_middle(joints: [f64; 2], velocities: [f64; 2]) -> Landmark {
+        Landmark { view: View { point_px: [0.0; 2], joints, velocities } }
     }
 
     /// Where it was seen last.
@@ -26,16 +26,21 @@ impl Landmark {
         &self.view
     }
 
-    /// Goes along to the next frame, taken at the angles `joints` (rad). `shift_px` is the background's
+    /// Goes along to the next frame, taken at the angles `joints` (rad) and `velocities` (rad/s). `shift_px` is the background's
     /// displacement *that ends in the middle of the newer image*, px over the pair.
     ///
     /// p of the two frames is −shift, so x_j = Rot(−s Δθ1) (x_i + shift): the image turns with joint 1 and
     /// with nothing else (the camera is vertical and keeps its height); s as in
     /// [`displacement_px`](crate::samples::displacement_px).
-    pub fn advance(&mut self, shift_px: [f64; 2], joints: [f64; 2], rotation_sign: f64) {
+    pub fn advance(
+        &mut self,
+        shift_px: [f64; 2],
+        (joints, velocities): ([f64; 2], [f64; 2]),
+        rotation_sign: f64,
+    ) {
         let [x, y] = [0, 1].map(|k| self.view.point_px[k] + shift_px[k]);
         let (sin, cos) = (-rotation_sign * (joints[0] - self.view.joints[0])).sin_cos();
-        self.view = View { point_px: [cos * x - sin * y, sin * x + cos * y], joints };
+        self.view = View { point_px: [cos * x - sin * y, sin * x + cos * y], joints, velocities };
     }
 }
 
@@ -60,12 +65,12 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         let mut joints = [0.1, 0.6];
         let start = coupling.camera_xy(joints[0], joints[1]);
-        let mut landmark = Landmark::in_the_middle(joints);
+        let mut landmark = Landmark::in_the_middle(joints, [0.0; 2]);
         for _ in 0..40 {
             let next = [joints[0] + rng.random_range(-0.05..0.06), joints[1] + rng.random_range(-0.02..0.02)];
             // The point of the table that the newer image has in its middle came from here:
             let origin = project(joints, coupling.camera_xy(next[0], next[1]));
-            landmark.advance([-origin[0], -origin[1]], next, -1.0);
+            landmark.advance([-origin[0], -origin[1]], (next, [0.0; 2]), -1.0);
             joints = next;
         }
         let truth = project(joints, start);

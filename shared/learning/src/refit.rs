@@ -126,7 +126,7 @@ mod tests {
         let samples = (1..=100)
             .map(|sequence| {
                 let input = [1.0; 3].map(|spread: f64| rng.random_range(-spread..spread));
-                Sample { input, output: teacher.predict(input), sequence }
+                Sample { input, output: teacher.predict(input), sequence, ..Sample::default() }
             })
             .collect();
         let network = Network::random(&mut rng, true);

@@ -93,7 +93,11 @@ impl Frame {
     pub fn of_sample(self, sample: &Sample) -> Sample {
         let [x, y, theta2] = sample.input;
         let [x, y] = self.of([x, y]);
-        Sample { input: [x, y, theta2], ..*sample }
+        let [drift_x, drift_y, rest @ ..] = sample.drift;
+        let [drift_x, drift_y] = self.of([drift_x, drift_y]);
+        let [theta2_drift, first, second] = rest;
+        let drift = [drift_x, drift_y, theta2_drift, first, second];
+        Sample { input: [x, y, theta2], drift, ..*sample }
     }
 }
 
@@ -169,7 +173,7 @@ mod tests {
             .map(|_| {
                 let input = [0, 1, 2].map(|_| rng.random_range(-0.8..0.8));
                 let old = frame.of_sample(&Sample { input, ..Sample::default() });
-                Sample { input, output: network.predict(old.input), sequence: 0 }
+                Sample { input, output: network.predict(old.input), ..Sample::default() }
             })
             .collect()
     }

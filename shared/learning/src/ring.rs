@@ -46,6 +46,13 @@ impl Ring {
         }
     }
 
+    /// Takes all samples as they were with joints of `seconds` later.
+    pub fn retime(&mut self, seconds: f64) {
+        for sample in &mut self.samples {
+            *sample = sample.later(seconds);
+        }
+    }
+
     /// Forgets the samples after the one numbered `last`.
     pub fn forget_after(&mut self, last: u64) {
         self.samples.retain(|sample| sample.sequence <= last);
@@ -81,7 +88,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn sample(x: f64, sequence: u64) -> Sample {
-        Sample { input: [x, 0.0, 0.0], output: [0.0; 2], sequence }
+        Sample { input: [x, 0.0, 0.0], sequence, ..Sample::default() }
     }
 
     proptest! {

@@ -12,6 +12,9 @@ const OUTPUT_UNIT_RAD: [f64; 2] = [0.5, 0.4];
 /// asked there.
 const MAX_REACH: f64 = 1.6;
 
+/// Step over which the effect of a clock offset is differentiated, s: some ms are to be made up for.
+const DRIFT_STEP_S: f64 = 1e-3;
+
 /// Where a thing was seen, and where the arm was when it was: both at the time of exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct View {
@@ -19,6 +22,16 @@ pub struct View {
     pub point_px: [f64; 2],
     /// θ of the paper: joints 1 and 2 at the exposure, rad.
     pub joints: [f64; 2],
+    /// Their velocities, rad/s.
+    pub velocities: [f64; 2],
+}
+
+impl View {
+    /// The view with the joints of `seconds` later.
+    #[must_use]
+    pub fn later(&self, seconds: f64) -> View {
+        View { joints: [0, 1].map(|k| self.joints[k] + seconds * self.velocities[k]), ..*self }
+    }
 }
 
 /// A learning sample in normalised units.
@@ -28,8 +41,24 @@ pub struct Sample {
     pub input: [f64; 3],
     /// (Δθ1, Δθ2), normalised.
     pub output: [f64; 2],
+    /// By how much input and output change for each second that the joints were read too early: see
+    /// [`ClockOffset`](crate::ClockOffset).
+    pub drift: [f64; 5],
     /// Running number of the sample, from 1.
     pub sequence: u64,
+}
+
+impl Sample {
+    /// The sample as it had been made with joints of `seconds` later.
+    #[must_use]
+    pub fn later(&self, seconds: f64) -> Sample {
+        let [x, y, theta2, first, second] = self.drift.map(|rate| seconds * rate);
+        Sample {
+            input: [self.input[0] + x, self.input[1] + y, self.input[2] + theta2],
+            output: [self.output[0] + first, self.output[1] + second],
+            ..*self
+        }
+    }
 }
 
 /// Scales between the world's units and the network's.
@@ -75,8 +104,18 @@ impl Normalisation {
         if motion[0].abs().max(motion[1].abs()) < min_motion_rad || p[0].abs().max(p[1].abs()) > far {
             return None;
         }
-        let input = self.input(p, first.joints[1]);
-        Some(Sample { input, output: self.output(motion), sequence: 0 })
+        let [now, later] = [0.0, DRIFT_STEP_S].map(|seconds| {
+            let (first, second) = (first.later(seconds), second.later(seconds));
+            let [x, y, theta2] = self.input(displacement_px(&first, &second, rotation_sign), first.joints[1]);
+            let [a, b] = self.output([0, 1].map(|k| second.joints[k] - first.joints[k]));
+            [x, y, theta2, a, b]
+        });
+        Some(Sample {
+            input: [now[0], now[1], now[2]],
+            output: [now[3], now[4]],
+            drift: std::array::from_fn(|k| (later[k] - now[k]) / DRIFT_STEP_S),
+            sequence: 0,
+        })
     }
 }
 

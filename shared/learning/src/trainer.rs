@@ -260,6 +260,12 @@ impl Trainer {
         self.watch.set_frame(better);
     }
 
+    /// All joints were read so many seconds too early: brings what is in memory to the right time.
+    pub fn retime(&mut self, seconds: f64) {
+        self.ring.retime(seconds);
+        self.episode.retime(seconds);
+    }
+
     fn ask_for_refit(&mut self) {
         if self.settings.iterations == 0 || self.ring.samples().len() < MIN_REFIT_SAMPLES {
             return;

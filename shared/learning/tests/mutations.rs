@@ -42,7 +42,11 @@ impl Bench {
     fn view(&self, target: [f64; 2], joints: [f64; 2]) -> View {
         let all = self.coupling.joints(joints[0], joints[1]).unwrap();
         let pose = self.coupling.arm().base_from_camera(&all, self.camera.mount_rad);
-        View { point_px: self.camera.project(&pose, [target[0], target[1], 0.0]).unwrap(), joints }
+        View {
+            point_px: self.camera.project(&pose, [target[0], target[1], 0.0]).unwrap(),
+            joints,
+            ..View::default()
+        }
     }
 
     /// Median one-shot error after [`MOVES`] random moves, each to a target of its own, m. `late` is the

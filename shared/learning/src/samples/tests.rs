@@ -16,7 +16,7 @@ fn view(camera: &Camera, target: [f64; 2], joints: [f64; 2], mirrored: bool) -> 
     let all = Coupling::new(&arm, 0.5).unwrap().joints(joints[0], joints[1]).unwrap();
     let pose = arm.base_from_camera(&all, camera.mount_rad);
     let [x, y] = camera.project(&pose, [target[0], target[1], 0.0]).unwrap();
-    View { point_px: [x, if mirrored { -y } else { y }], joints }
+    View { point_px: [x, if mirrored { -y } else { y }], joints, velocities: [0.0; 2] }
 }
 
 #[test]
@@ -89,7 +89,7 @@ proptest! {
 #[test]
 fn a_pair_that_hardly_moved_or_reaches_too_far_teaches_nothing() {
     let normalisation = Normalisation { half_width_px: 256.0 };
-    let at = |point_px, joints| View { point_px, joints };
+    let at = |point_px, joints| View { point_px, joints, velocities: [0.0; 2] };
     let still = normalisation.sample(&at([9.0, 9.0], [0.0, 0.6]), &at([1.0, 1.0], [0.029, 0.6]), -1.0, 0.03);
     assert_eq!(still, None);
     let far = normalisation.sample(&at([255.0, 0.0], [0.0, 0.6]), &at([-200.0, 0.0], [0.0, 0.9]), -1.0, 0.03);

@@ -7,7 +7,7 @@ const NORMALISATION: Normalisation = Normalisation { half_width_px: 256.0 };
 /// A view of a target that moves across the image in proportion to the joints.
 fn view(move_number: u32, step: u32) -> View {
     let (a, b) = (0.06 * f64::from(step), 0.03 * f64::from(step + move_number));
-    View { point_px: [200.0 - 300.0 * a, 150.0 - 250.0 * b], joints: [a, 0.4 + b] }
+    View { point_px: [200.0 - 300.0 * a, 150.0 - 250.0 * b], joints: [a, 0.4 + b], ..View::default() }
 }
 
 fn make_move(trainer: &mut Trainer, move_number: u32) {
@@ -78,7 +78,7 @@ fn a_result_that_is_not_better_or_not_sound_is_refused() {
 fn what_arrived_since_is_replayed_on_the_result() {
     let settings = Settings { huber: None, min_motion_rad: 0.1, ..Settings::paper() };
     let mut trainer = Trainer::new(&settings, 5);
-    trainer.ring.admit(Sample { input: [0.3, 0.0, 0.1], output: [0.2, 0.1], sequence: 0 });
+    trainer.ring.admit(Sample { input: [0.3, 0.0, 0.1], output: [0.2, 0.1], ..Sample::default() });
     for _ in 0..MIN_REFIT_SAMPLES {
         trainer.ring.admit(trainer.samples()[0]);
     }
@@ -89,8 +89,8 @@ fn what_arrived_since_is_replayed_on_the_result() {
     let mut result = refit(&trainer.refit_job().unwrap(), || false);
     result.network = Network::from_weights(&weights, false);
 
-    let first = View { point_px: [80.0, 20.0], joints: [0.0, 0.6] };
-    let second = View { point_px: [10.0, -30.0], joints: [0.2, 0.5] };
+    let first = View { point_px: [80.0, 20.0], joints: [0.0, 0.6], ..View::default() };
+    let second = View { point_px: [10.0, -30.0], joints: [0.2, 0.5], ..View::default() };
     trainer.start_move(Some(first));
     trainer.observe(second, &NORMALISATION);
     assert_eq!(trainer.merge(&result), Merge::Merged);

@@ -3,7 +3,7 @@
 use crate::step::Parameters;
 use pursuit_config::Checker;
 use pursuit_kinematics::{Arm, Coupling};
-use pursuit_messages::payload::MAX_CYCLES;
+use pursuit_messages::MAX_CYCLES;
 use pursuit_runtime::settings;
 
 /// What the arm driver needs.

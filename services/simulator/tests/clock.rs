@@ -3,8 +3,7 @@
 
 mod support;
 
-use pursuit_messages::payload::DriveCycle;
-use pursuit_messages::{Phase, WorldCommand, WorldState};
+use pursuit_messages::{DriveCycle, Phase, WorldCommand, WorldState};
 use pursuit_simulator::config::CellConfig;
 use support::{PERIOD_NS, Run, cell_config, coupling};
 

@@ -9,6 +9,8 @@
 pub mod payload;
 pub mod stamp;
 pub mod topics;
+pub mod world;
 
 pub use payload::*;
 pub use stamp::{ImageShape, Service, Stage, StageStamp, Stamp};
+pub use world::*;

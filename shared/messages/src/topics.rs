@@ -13,6 +13,7 @@
 //! | HEALTH | every service | supervisor |
 
 use crate::payload::*;
+use crate::world::*;
 
 /// How a topic is kept. All topics overflow: a slow or dead reader never blocks a writer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

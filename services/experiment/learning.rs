@@ -16,6 +16,9 @@ const FIRST_TARGET_MOVES: u32 = 12;
 /// any number of seeds evenly.
 const MOUNT_STEP_DEG: f64 = 137.507_764_05;
 
+/// Top of the plot, cm: above an untrained network's error there is room for the legend.
+const LEGEND_ROOM_CM: f64 = 500.0;
+
 /// A way to learn.
 struct Variant {
     name: &'static str,
@@ -174,6 +177,13 @@ fn learning_plot(schemes: &[Scheme]) -> Plot {
         colour: "#d55e00",
         points: vec![[1.0, 3.0], [longest.max(2) as f64, 3.0]],
         mark: Mark::Dashed,
+    });
+    // A line of one point shows nothing but widens the axis.
+    series.push(Series {
+        name: String::new(),
+        colour: "none",
+        points: vec![[1.0, LEGEND_ROOM_CM]],
+        mark: Mark::Line,
     });
     Plot {
         title: "Error of one single move, median over seeds".to_owned(),

@@ -6,7 +6,7 @@ mod support;
 
 use pursuit_learner::config::{Parameters, Profile};
 use pursuit_learner::step::Learner;
-use pursuit_learning::refit;
+use pursuit_learning::{Method, refit};
 use pursuit_messages::Phase;
 use support::{Cell, Conditions, Run, quantile, train};
 
@@ -26,6 +26,8 @@ fn main() {
         ("recommended", recommended, any),
         ("recommended, first target", at_first(recommended), any),
         ("recommended, as rendered", recommended, exact),
+        ("scaled conjugate gradients", with_method(recommended, Method::ScaledConjugateGradient), any),
+        ("Levenberg-Marquardt", with_method(recommended, Method::LevenbergMarquardt), any),
         ("paper", paper, any),
         ("paper, first target", at_first(paper), any),
         ("paper, online only", with_iterations(paper, 0), any),
@@ -49,6 +51,11 @@ fn main() {
 /// Spread evenly over 0 to 1, for any number of seeds.
 fn golden_share(seed: u64) -> f64 {
     (seed as f64 * 0.618_033_988_749_895).fract()
+}
+
+fn with_method(mut parameters: Parameters, method: Method) -> Parameters {
+    parameters.learning.method = method;
+    parameters
 }
 
 fn with_iterations(mut parameters: Parameters, iterations: u32) -> Parameters {

@@ -1,5 +1,8 @@
 //! The samples of a refit, laid out so that the processor computes several of them at once.
 
+// One lane's index runs through several arrays: it says more than a chain of zips.
+#![allow(clippy::needless_range_loop)]
+
 use multiversion::multiversion;
 
 use crate::activation::tanh;

@@ -15,6 +15,8 @@
 //! paper, [`Settings::paper`] is the way back and the line says so.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
+// Matrices are written with their indices, as in the books.
+#![allow(clippy::needless_range_loop)]
 
 pub mod activation;
 pub mod batch;

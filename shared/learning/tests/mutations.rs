@@ -3,99 +3,53 @@
 
 #![allow(clippy::unwrap_used)]
 
-use pursuit_kinematics::{Arm, Camera, Coupling, exact_move};
-use pursuit_learning::{GridCase, Normalisation, Settings, Trainer, View, evaluate_grid, refit};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+mod support;
+
+use pursuit_kinematics::exact_move;
+use pursuit_learning::{GridCase, Settings, Trainer, evaluate_grid, refit};
+use rand::RngExt;
+use support::Bench;
 
 const MOVES: u32 = 20;
-const VIEWS_PER_MOVE: u32 = 10;
 /// Without noise the recommended scheme is below this after [`MOVES`], median over seeds...
 const LEARNT_M: f64 = 0.01;
 /// ...and a wrong sample never gets below this.
 const NOT_LEARNT_M: f64 = 0.02;
 
-struct Bench {
-    coupling: Coupling,
-    camera: Camera,
-    rng: ChaCha8Rng,
+/// Median one-shot error after [`MOVES`] random moves, m.
+fn learn(seed: u64, settings: &Settings, late: f64) -> f64 {
+    let mut bench = Bench::new(seed);
+    let mut trainer = Trainer::new(settings, bench.rng.random());
+    for _ in 0..MOVES {
+        bench.make_move(&mut trainer, late);
+        trainer.merge(&refit(&trainer.refit_job().unwrap(), || true));
+    }
+    error(&mut bench, &trainer)
 }
 
-impl Bench {
-    fn new(seed: u64) -> Bench {
-        Bench {
-            coupling: Coupling::new(&Arm::puma_like(), 0.5).unwrap(),
-            camera: Camera::default_cell(),
-            rng: ChaCha8Rng::seed_from_u64(seed),
+/// Median one-shot error over random cases, m.
+fn error(bench: &mut Bench, trainer: &Trainer) -> f64 {
+    let mut cases = Vec::new();
+    while cases.len() < 200 {
+        let theta2 = bench.pose()[1];
+        let point_px = [bench.rng.random_range(-250.0..250.0), bench.rng.random_range(-250.0..250.0)];
+        let to = exact_move(&bench.coupling, &bench.camera, point_px, theta2);
+        if to.is_some_and(|[_, d2]| bench.coupling.envelope().contains([0.0, theta2 + d2], 0.0)) {
+            cases.push(GridCase { point_px, theta2 });
         }
     }
-
-    fn normalisation(&self) -> Normalisation {
-        Normalisation { half_width_px: f64::from(self.camera.width) / 2.0 }
-    }
-
-    fn pose(&mut self) -> [f64; 2] {
-        let [low, high] = self.coupling.envelope().theta2_rad;
-        [self.rng.random_range(-0.4..0.4), self.rng.random_range(low..high)]
-    }
-
-    fn view(&self, target: [f64; 2], joints: [f64; 2]) -> View {
-        let all = self.coupling.joints(joints[0], joints[1]).unwrap();
-        let pose = self.coupling.arm().base_from_camera(&all, self.camera.mount_rad);
-        View {
-            point_px: self.camera.project(&pose, [target[0], target[1], 0.0]).unwrap(),
-            joints,
-            ..View::default()
-        }
-    }
-
-    /// Median one-shot error after [`MOVES`] random moves, each to a target of its own, m. `late` is the
-    /// share of a view's motion by which its joints are read too late.
-    fn learn(&mut self, settings: &Settings, late: f64) -> f64 {
-        let normalisation = self.normalisation();
-        let mut trainer = Trainer::new(settings, self.rng.random());
-        for _ in 0..MOVES {
-            let (from, to, over) = (self.pose(), self.pose(), self.pose());
-            let target = self.coupling.camera_xy(over[0], over[1]);
-            let along = |share: f64| [0, 1].map(|joint| from[joint] + share * (to[joint] - from[joint]));
-            trainer.start_target();
-            trainer.start_move(Some(self.view(target, from)));
-            for step in 1..=VIEWS_PER_MOVE {
-                let share = f64::from(step) / f64::from(VIEWS_PER_MOVE);
-                let mut view = self.view(target, along(share));
-                view.joints = along(share + late);
-                trainer.observe(view, &normalisation);
-            }
-            trainer.finish_move();
-            trainer.merge(&refit(&trainer.refit_job().unwrap(), || true));
-        }
-        self.error(&trainer)
-    }
-
-    fn error(&mut self, trainer: &Trainer) -> f64 {
-        let mut cases = Vec::new();
-        while cases.len() < 200 {
-            let theta2 = self.pose()[1];
-            let point_px = [self.rng.random_range(-250.0..250.0), self.rng.random_range(-250.0..250.0)];
-            let to = exact_move(&self.coupling, &self.camera, point_px, theta2);
-            if to.is_some_and(|[_, d2]| self.coupling.envelope().contains([0.0, theta2 + d2], 0.0)) {
-                cases.push(GridCase { point_px, theta2 });
-            }
-        }
-        let error = evaluate_grid(trainer.network(), &self.normalisation(), &cases, |case, command| {
-            let exact = exact_move(&self.coupling, &self.camera, case.point_px, case.theta2).unwrap();
-            let over = |[d1, d2]: [f64; 2]| self.coupling.camera_xy(d1, (case.theta2 + d2).clamp(-0.3, 1.06));
-            let (a, b) = (over(command), over(exact));
-            (a[0] - b[0]).hypot(a[1] - b[1])
-        });
-        error.median
-    }
+    let error = evaluate_grid(trainer.network(), &bench.normalisation(), &cases, |case, command| {
+        let exact = exact_move(&bench.coupling, &bench.camera, case.point_px, case.theta2).unwrap();
+        let over = |[d1, d2]: [f64; 2]| bench.coupling.camera_xy(d1, (case.theta2 + d2).clamp(-0.3, 1.06));
+        let (a, b) = (over(command), over(exact));
+        (a[0] - b[0]).hypot(a[1] - b[1])
+    });
+    error.median
 }
 
 #[test]
 fn right_samples_are_learnt() {
-    let mut errors: Vec<f64> =
-        (0..9).map(|seed| Bench::new(seed).learn(&Settings::recommended(), 0.0)).collect();
+    let mut errors: Vec<f64> = (0..9).map(|seed| learn(seed, &Settings::recommended(), 0.0)).collect();
     errors.sort_by(f64::total_cmp);
     assert!(errors[4] < LEARNT_M, "{errors:?}");
 }
@@ -104,7 +58,7 @@ fn right_samples_are_learnt() {
 fn with_the_wrong_rotation_sign_nothing_is_learnt() {
     for seed in 0..2 {
         let mirrored = Settings { rotation_sign: 1.0, ..Settings::recommended() };
-        let error = Bench::new(seed).learn(&mirrored, 0.0);
+        let error = learn(seed, &mirrored, 0.0);
         assert!(error > NOT_LEARNT_M, "{error}");
     }
 }
@@ -113,7 +67,7 @@ fn with_the_wrong_rotation_sign_nothing_is_learnt() {
 fn without_the_rotation_of_the_image_nothing_is_learnt() {
     for seed in 0..2 {
         let unturned = Settings { rotation_sign: 0.0, ..Settings::recommended() };
-        let error = Bench::new(seed).learn(&unturned, 0.0);
+        let error = learn(seed, &unturned, 0.0);
         assert!(error > NOT_LEARNT_M, "{error}");
     }
 }
@@ -122,7 +76,7 @@ fn without_the_rotation_of_the_image_nothing_is_learnt() {
 #[test]
 fn with_joints_read_too_late_nothing_is_learnt() {
     for seed in 0..2 {
-        let error = Bench::new(seed).learn(&Settings::recommended(), 0.2);
+        let error = learn(seed, &Settings::recommended(), 0.2);
         assert!(error > NOT_LEARNT_M, "{error}");
     }
 }

@@ -8,15 +8,17 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod chart;
 pub mod config;
+mod delay;
 pub mod follower;
 pub mod history;
-mod moment;
+pub mod moment;
 mod refitter;
 mod rest;
 pub mod section;
 pub mod step;
-mod tracking;
+pub mod tracking;
 mod training;
 
 use history::JointHistory;

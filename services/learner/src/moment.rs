@@ -22,15 +22,26 @@ pub struct Input {
 
 /// An [`Input`] that has been checked.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Moment {
+pub struct Moment {
     pub(crate) now_ns: u64,
     pub(crate) joints: [f64; 2],
     /// Larger of the two speeds, rad/s.
     pub(crate) speed: f64,
     pub(crate) blob: Option<Blob>,
-    /// Motion detection, px from the image's centre.
-    pub(crate) motion_px: Option<[f64; 2]>,
+    /// Motion detection.
+    pub(crate) motion: Option<Motion>,
     pub(crate) normalisation: Normalisation,
+}
+
+/// What moves independently, in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Motion {
+    /// px from the image's centre.
+    pub(crate) point_px: [f64; 2],
+    /// Mean variance of the two directions, px², where the detector says it.
+    pub(crate) variance_px2: Option<f64>,
+    /// Visible area, px², 0 where it is not known.
+    pub(crate) area_px2: f64,
 }
 
 /// The training target in one frame.
@@ -42,8 +53,13 @@ pub(crate) struct Blob {
 }
 
 impl Moment {
+    /// Where what moves independently is, px from the image's centre.
+    pub fn motion_px(&self) -> Option<[f64; 2]> {
+        self.motion.map(|motion| motion.point_px)
+    }
+
     /// `None` where joints or image cannot be used. A detection that is not finite is none.
-    pub(crate) fn of(input: &Input) -> Option<Moment> {
+    pub fn of(input: &Input) -> Option<Moment> {
         let [width, height] = [input.image.width, input.image.height].map(f64::from);
         let joints_finite = input.joints.iter().chain(&input.velocities).all(|joint| joint.is_finite());
         if !joints_finite || width < 1.0 || height < 1.0 {
@@ -63,7 +79,8 @@ impl Moment {
                 view: View { point_px, joints: input.joints },
                 whole: is_whole(point_px, blob.area_px, half),
             }),
-            motion_px: centred(moving(&input.target)),
+            motion: centred(moving(&input.target))
+                .map(|point_px| Motion::of(moving(&input.target), point_px)),
             normalisation: Normalisation { half_width_px: half[0] },
         })
     }
@@ -74,6 +91,19 @@ impl Moment {
 fn moving(target: &Target) -> &Detection {
     let seen = target.track_phase == TrackPhase::Confirmed as u32;
     if target.motion.found == 0 && seen { &target.track } else { &target.motion }
+}
+
+impl Motion {
+    fn of(detection: &Detection, point_px: [f64; 2]) -> Motion {
+        let [uu, _, vv] = detection.position_covariance;
+        let mean = 0.5 * (uu + vv);
+        let area = detection.area_px;
+        Motion {
+            point_px,
+            variance_px2: (mean > 0.0 && mean.is_finite()).then_some(mean),
+            area_px2: if area > 0.0 && area.is_finite() { area } else { 0.0 },
+        }
+    }
 }
 
 /// Whether a disc of that area around that point lies inside the image, with a pixel to spare.
@@ -98,16 +128,20 @@ mod tests {
         }
     }
 
+    fn point(input: &Input) -> Option<[f64; 2]> {
+        Moment::of(input).unwrap().motion.map(|motion| motion.point_px)
+    }
+
     #[test]
     fn a_track_stands_in_for_a_pair_that_is_not_sure_enough_but_a_guess_does_not() {
         let mut input = input(0.0, 0.0);
         input.target.track = Detection { found: 1, u: 265.5, v: 255.5, ..Detection::default() };
         input.target.track_phase = TrackPhase::Coasting as u32;
-        assert_eq!(Moment::of(&input).unwrap().motion_px, None);
+        assert_eq!(point(&input), None);
         input.target.track_phase = TrackPhase::Confirmed as u32;
-        assert_eq!(Moment::of(&input).unwrap().motion_px, Some([10.0, 0.0]));
+        assert_eq!(point(&input), Some([10.0, 0.0]));
         input.target.motion = Detection { found: 1, u: 258.5, v: 255.5, ..Detection::default() };
-        assert_eq!(Moment::of(&input).unwrap().motion_px, Some([3.0, 0.0]), "the pair comes first");
+        assert_eq!(point(&input), Some([3.0, 0.0]), "the pair comes first");
     }
 
     #[test]

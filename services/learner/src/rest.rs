@@ -126,7 +126,7 @@ mod tests {
             joints: [0.0, 0.6],
             speed,
             blob: point.map(|x| Blob { view: view(x), whole: true }),
-            motion_px: None,
+            motion: None,
             normalisation: Normalisation { half_width_px: 256.0 },
         }
     }

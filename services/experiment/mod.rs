@@ -1,5 +1,7 @@
 //! `pursuit experiment NAME`: measured over many seeds, in lock-step, the paper's figure beside ours.
 
+mod calibrated;
+mod cells;
 pub mod figures;
 mod learning;
 mod tracking;
@@ -23,6 +25,7 @@ pub fn run(options: &Experiment) -> u8 {
     let outcome = applicable(options).and_then(|()| match options.name {
         ExperimentName::Learning => learning::run(options),
         ExperimentName::Tracking => tracking::run(options),
+        ExperimentName::Calibrated => calibrated::run(options),
         ExperimentName::Robustness => robustness::run(options),
         ExperimentName::Ablation => robustness::ablation::run(options),
     });
@@ -43,7 +46,12 @@ fn applicable(options: &Experiment) -> Result<(), String> {
         return Err("--scenes, --sizes and --frames are for robustness and ablation".to_owned());
     }
     if !of_the_arm && !options.set.is_empty() {
-        return Err("--set is for learning and tracking: detectors are compared as they are".to_owned());
+        return Err("--set is for experiments of the arm: detectors are compared as they are".to_owned());
+    }
+    let follows = matches!(options.name, ExperimentName::Tracking | ExperimentName::Calibrated);
+    if !follows && options.names_conditions() {
+        let names = "--paths, --speeds, --rates, --latencies and --controllers";
+        return Err(format!("{names} are for tracking and calibrated"));
     }
     Ok(())
 }

@@ -281,12 +281,12 @@ mod tests {
             let camera_m = match k {
                 64 => [target_m[0], y + 0.02],
                 65 => [target_m[0], y - 0.03],
-                99 => [target_m[0], y + 0.5],
+                75 => [target_m[0], y + 0.5],
                 _ => target_m,
             };
             Record { time_s: 0.08 * f64::from(k), target_m, camera_m, ..Record::default() }
         };
-        let corners = corners(&(0..100).map(record).collect::<Vec<_>>());
+        let corners = corners(&(0..90).map(record).collect::<Vec<_>>());
         assert_eq!(corners.len(), 1);
         assert!((corners[0].overshoot_cm - 3.0).abs() < 1e-9 && (corners[0].distance_cm - 3.0).abs() < 1e-9);
     }

@@ -190,9 +190,31 @@ pub struct Experiment {
     /// Robustness, ablation: write the first seed's frames and truths there, one folder for each sequence.
     #[arg(long, value_name = "DIR")]
     pub frames: Option<PathBuf>,
+    /// Tracking, calibrated: these paths only, as `--paths circle,square`; any of these filters asks for all
+    /// combinations of what is named.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub paths: Vec<String>,
+    /// Tracking, calibrated: speeds of the vehicle, m/s.
+    #[arg(long, value_name = "M/S", value_delimiter = ',')]
+    pub speeds: Vec<f64>,
+    /// Tracking, calibrated: images per second.
+    #[arg(long, value_name = "HZ", value_delimiter = ',')]
+    pub rates: Vec<f64>,
+    /// Tracking, calibrated: simulated time from a command to its effect, ms.
+    #[arg(long, value_name = "MS", value_delimiter = ',')]
+    pub latencies: Vec<f64>,
+    /// Tracking: these laws only, plain, predictive.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub controllers: Vec<String>,
 }
 
 impl Experiment {
+    /// Whether conditions of following are named.
+    pub fn names_conditions(&self) -> bool {
+        let numbers = [&self.speeds, &self.rates, &self.latencies];
+        numbers.iter().any(|list| !list.is_empty()) || !self.paths.is_empty() || !self.controllers.is_empty()
+    }
+
     /// Number of seeds, at least one.
     pub fn seeds(&self) -> u64 {
         let usual = if self.name.runs_the_arm() { 30 } else { 5 };
@@ -212,6 +234,8 @@ pub enum ExperimentName {
     Change,
     /// Learning while 0, 5, 15, 30 % of the detections are wrong, anywhere in the image.
     Outliers,
+    /// The same with a perfectly calibrated robot beside it: the ceiling.
+    Calibrated,
     /// What the detectors find, and where, in sequences with exact truth. The times are of one thread among
     /// others: a loaded machine distorts them.
     Robustness,

@@ -5,10 +5,10 @@ use crate::check::Checked;
 use pursuit_acquisition::config::Source;
 use pursuit_acquisition::view_of;
 use pursuit_arm_driver::step::{Driver, Drives};
-use pursuit_learner::step::{Input, Learner};
+use pursuit_learner::step::{Input, Learner, Output};
 use pursuit_learning::refit;
 use pursuit_messages::payload::Votes;
-use pursuit_messages::{Stamp, WorldState};
+use pursuit_messages::{Phase, Stamp, WorldState};
 use pursuit_motion::{Image, NoProbe, Older};
 use pursuit_scene::Scene;
 use pursuit_segmentation::step::Segmenter;
@@ -29,11 +29,56 @@ pub struct Outcome {
     pub trajectory_sha256: String,
 }
 
+/// What answers a frame.
+pub trait Hand {
+    /// The answer to a frame.
+    fn answer(&mut self, input: &Input) -> Output;
+}
+
+/// The learner with its refits done at once: the result of one is there before the next frame, as in
+/// lock-step.
+impl Hand for Learner {
+    fn answer(&mut self, input: &Input) -> Output {
+        if let Some(job) = self.refit_job() {
+            self.merge(&refit(&job, || true));
+        }
+        self.step(input)
+    }
+}
+
 /// Runs a config to its configured number of tracking frames.
 ///
 /// # Errors
 /// A sentence that says what cannot be.
 pub fn run(checked: &Checked) -> Result<Outcome, String> {
+    let mut learner = Learner::new(&checked.learner.parameters, checked.learner.run.seed);
+    run_with(checked, &mut learner, |_| false)
+}
+
+/// Runs a config up to the end of training: what was learnt.
+///
+/// # Errors
+/// A sentence that says what cannot be.
+pub fn train(checked: &Checked) -> Result<Learner, String> {
+    let mut learner = Learner::new(&checked.learner.parameters, checked.learner.run.seed);
+    run_with(checked, &mut learner, |learner| learner.phase() != Phase::Training)?;
+    Ok(learner)
+}
+
+/// Follows with what was learnt in another run, from homing on and to the configured number of tracking
+/// frames. The hand is in a cell of its own, at its start pose; [`Learner::start_epoch`] comes first.
+///
+/// # Errors
+/// A sentence that says what cannot be.
+pub fn follow<H: Hand>(checked: &Checked, hand: &mut H) -> Result<Outcome, String> {
+    run_with(checked, hand, |_| false)
+}
+
+fn run_with<H: Hand>(
+    checked: &Checked,
+    hand: &mut H,
+    is_enough: impl Fn(&H) -> bool,
+) -> Result<Outcome, String> {
     let text = |error: &dyn std::fmt::Display| error.to_string();
     let Source::Simulated(scene) = &checked.acquisition.source else {
         return Err("an experiment needs acquisition.source = \"simulated\"".to_owned());
@@ -41,17 +86,13 @@ pub fn run(checked: &Checked) -> Result<Outcome, String> {
     let fixed = Fixed::new(&checked.simulator.cell).map_err(|e| text(&e))?;
     let mut cell = Cell::new(&fixed).map_err(|e| text(&e))?;
     let mut eyes = Eyes::new(checked, Scene::new(scene))?;
-    let mut learner = Learner::new(&checked.learner.parameters, checked.learner.run.seed);
     let driver = Driver::new(checked.arm.parameters, checked.arm.coupling).map_err(|e| text(&e))?;
     let mut outcome = Outcome { records: Vec::new(), moves: Vec::new(), trajectory_sha256: String::new() };
-    while !cell.is_finished(&fixed) {
+    while !cell.is_finished(&fixed) && !is_enough(hand) {
         let world = cell.state(&fixed);
         let stamp = Stamp::new(EPOCH, cell.frame, world.time_ns, checked.acquisition.camera.shape());
         let target = eyes.see(&world, cell.frame)?;
-        if let Some(job) = learner.refit_job() {
-            learner.merge(&refit(&job, || true));
-        }
-        let output = learner.step(&Input {
+        let output = hand.answer(&Input {
             frame: cell.frame,
             exposure_ns: stamp.exposure_ns,
             image: stamp.image,

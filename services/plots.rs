@@ -19,6 +19,12 @@ pub fn of_run(records: &[Record], moves: &[MoveRecord]) -> Vec<(&'static str, St
     pictures
 }
 
+/// The paper's figures 6 and 7 of these tracking frames.
+pub fn following(records: &[Record]) -> [String; 2] {
+    let records: Vec<&Record> = records.iter().collect();
+    [trajectory(&records).svg(), x_over_time(&records).svg()]
+}
+
 /// The paper's figure 6: the camera from above while it follows.
 fn trajectory(records: &[&Record]) -> Plot {
     let cm = |point: [f64; 2]| point.map(|axis| 100.0 * axis);

@@ -1,5 +1,7 @@
 //! `pursuit experiment NAME`: measured over many seeds, in lock-step, the paper's figure beside ours.
 
+mod calibrated;
+mod cells;
 mod change;
 pub mod figures;
 mod learning;
@@ -27,6 +29,7 @@ pub fn run(options: &Experiment) -> u8 {
         ExperimentName::Tracking => tracking::run(options),
         ExperimentName::Change => change::run(options),
         ExperimentName::Outliers => outliers::run(options),
+        ExperimentName::Calibrated => calibrated::run(options),
         ExperimentName::Robustness => robustness::run(options),
         ExperimentName::Ablation => robustness::ablation::run(options),
     });
@@ -51,6 +54,11 @@ fn applicable(options: &Experiment) -> Result<(), String> {
     }
     if !of_the_arm && !options.set.is_empty() {
         return Err("--set is for experiments with the arm: detectors are compared as they are".to_owned());
+    }
+    let follows = matches!(options.name, ExperimentName::Tracking | ExperimentName::Calibrated);
+    if !follows && options.names_conditions() {
+        let names = "--paths, --speeds, --rates, --latencies and --controllers";
+        return Err(format!("{names} are for tracking and calibrated"));
     }
     Ok(())
 }

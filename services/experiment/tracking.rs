@@ -1,32 +1,39 @@
 //! `pursuit experiment tracking`: how far the hand is from the vehicle while it follows.
 
+use super::cells::{self, Condition, Followed};
 use super::figures::{Spread, spread, spread_text};
-use super::{over_seeds, publish, report, seeds_text, settled};
-use crate::check;
+use super::{publish, seeds_text};
 use crate::cli::Experiment;
-use crate::report::{APPROACH_S, PAPER_TRACKING_CM, Report};
-use crate::svg::{Mark, Plot, Series};
+use crate::plots;
+use crate::report::{APPROACH_S, PAPER_TRACKING_CM};
 use serde::Serialize;
+use std::path::PathBuf;
 
-/// Frames of tracking per run, at 12.5 Hz: 30 s, of which 3 s are the approach.
-const TRACKING_FRAMES: u64 = 375;
-/// The paper's rate for tracking.
-const TRACKING_RATE_HZ: f64 = 12.5;
-
+/// What following came to under one condition, over all seeds.
 #[derive(Clone, Debug, Serialize)]
 struct Tracked {
-    path: String,
-    speed_m_per_s: f64,
-    rate_hz: f64,
-    latency_ms: f64,
-    controller: &'static str,
+    #[serde(flatten)]
+    condition: Condition,
     seeds: u64,
     rms_cm: Spread,
     median_cm: Spread,
     max_cm: Spread,
     detected_share: Spread,
     lost_share: f64,
-    trajectory_sha256: Vec<Option<String>>,
+    lead_ms: Spread,
+    corners: Option<Corners>,
+    trajectory_sha256: Vec<String>,
+}
+
+/// What happened at the corners of the square, over all corners of all seeds.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Corners {
+    count: u64,
+    /// Largest distance to the vehicle in the second after it was at the corner.
+    distance_cm: Spread,
+    /// How far the camera went from the vehicle's way in that second.
+    overshoot_cm: Spread,
+    overshoot_max_cm: f64,
 }
 
 /// Runs it.
@@ -38,104 +45,92 @@ pub fn run(options: &Experiment) -> Result<u8, String> {
     struct Figures {
         runs: Vec<Tracked>,
     }
-    println!("following the camouflaged vehicle, seeds {}", seeds_text(options));
+    let conditions = cells::conditions(options, &["plain", "predictive"])?;
     println!(
-        "distance from the camera's axis to the vehicle, without the first {APPROACH_S} s; median / p90"
+        "following the camouflaged vehicle, seeds {}; trained once per seed, at 25 Hz",
+        seeds_text(options)
     );
-    println!("the paper (1994): in the order of {PAPER_TRACKING_CM} cm\n");
+    println!("distance from the camera's axis to it, without the first {APPROACH_S} s; median / p90");
+    println!("the paper (1994), at 0.1 m/s, 12.5 Hz, 80 ms: in the order of {PAPER_TRACKING_CM} cm\n");
+    let followed = cells::follow_all(options, &conditions)?;
     println!(
-        "  {:<11} {:>18} {:>18} {:>20} {:>20} {:>12}",
-        "controller", "RMS", "median", "worst frame", "detection used", "> 20 cm off"
+        "  {:<13} {:>5} {:>6} {:>7} {:<11} {:>17} {:>17} {:>9} {:>7}",
+        "path", "m/s", "Hz", "ms", "controller", "RMS", "worst frame", "> 20 cm", "lead ms"
     );
-    let (mut figures, mut curves) = (Vec::new(), Vec::new());
-    for (controller, colour) in [("plain", "#009e73"), ("predictive", "#0072b2")] {
-        let set = [
-            format!("simulator.frames={TRACKING_FRAMES}"),
-            format!("camera.rate_hz={TRACKING_RATE_HZ:?}"),
-            format!("learner.controller={controller}"),
-        ];
-        let runs = over_seeds(options, &set)?;
-        let checked = settled(options, &set, options.first_seed)?;
-        let reports: Vec<Report> = runs.iter().map(|(seed, run)| report(*seed, run)).collect();
-        let tracked = tracked(&checked, controller, &reports)?;
-        println!(
-            "  {:<11} {:>18} {:>18} {:>20} {:>20} {:>10.2} %",
-            controller,
-            spread_text(tracked.rms_cm, "cm"),
-            spread_text(tracked.median_cm, "cm"),
-            spread_text(tracked.max_cm, "cm"),
-            spread_text(
-                Spread { p50: 100.0 * tracked.detected_share.p50, p90: 100.0 * tracked.detected_share.p90 },
-                "%"
-            ),
-            100.0 * tracked.lost_share
-        );
-        curves.push((controller, colour, reports));
-        figures.push(tracked);
+    let mut runs = Vec::new();
+    for (index, condition) in conditions.iter().enumerate() {
+        let of_all: Vec<&Followed> = followed.iter().map(|of_seed| &of_seed[index]).collect();
+        let tracked = tracked(condition, &of_all);
+        println!("{}", line(&tracked));
+        runs.push(tracked);
     }
-    if let Some(run) = figures.first() {
-        println!(
-            "\n  {} at {} m/s, {} images per second, {} ms from command to motion",
-            run.path, run.speed_m_per_s, run.rate_hz, run.latency_ms
-        );
-    }
-    let plot = tracking_plot(&curves).svg();
-    publish(options, &Figures { runs: figures }, "experiment-tracking.svg", &plot)
+    let first: Vec<(&Condition, &Followed)> = conditions.iter().zip(&followed[0]).collect();
+    let [figure6, figure7] = paper_figures(&first);
+    write_plot(options, "experiment-tracking-figure6.svg", &figure6)?;
+    publish(options, &Figures { runs }, "experiment-tracking-figure7.svg", &figure7)
 }
 
-fn tracked(
-    checked: &check::Checked,
-    controller: &'static str,
-    reports: &[Report],
-) -> Result<Tracked, String> {
-    let tracking: Vec<_> = reports.iter().filter_map(|r| r.tracking).collect();
-    if tracking.len() < reports.len() {
-        return Err("a run ended before it came to tracking".to_owned());
+fn line(run: &Tracked) -> String {
+    let Condition { path, speed_m_per_s, rate_hz, latency_ms, controller } = &run.condition;
+    let mut text = format!(
+        "  {path:<13} {speed_m_per_s:>5} {rate_hz:>6} {latency_ms:>7} {controller:<11} {:>17} {:>17} {:>7.2} % {:>7.0}",
+        spread_text(run.rms_cm, "cm"),
+        spread_text(run.max_cm, "cm"),
+        100.0 * run.lost_share,
+        run.lead_ms.p50,
+    );
+    if let Some(corners) = run.corners {
+        text += &format!(
+            "\n      {} corners: {} off in the second after, from its way {}, at most {:.2} cm",
+            corners.count,
+            spread_text(corners.distance_cm, "cm"),
+            spread_text(corners.overshoot_cm, "cm"),
+            corners.overshoot_max_cm
+        );
     }
-    let cell = &checked.simulator.cell;
-    let shares = spread(tracking.iter().map(|t| -t.detected_share));
-    Ok(Tracked {
-        path: format!("{:?}", cell.path).split(' ').next().unwrap_or_default().to_lowercase(),
-        speed_m_per_s: cell.path.speed_m_per_s(),
-        rate_hz: checked.acquisition.camera.rate_hz,
-        latency_ms: cell.latency_ns as f64 / 1e6,
-        controller,
-        seeds: reports.len() as u64,
-        rms_cm: spread(tracking.iter().map(|t| t.rms_cm)),
-        median_cm: spread(tracking.iter().map(|t| t.median_cm)),
-        max_cm: spread(tracking.iter().map(|t| t.max_cm)),
-        detected_share: Spread { p50: -shares.p50, p90: -shares.p90 },
-        lost_share: tracking.iter().map(|t| t.lost_share).sum::<f64>() / tracking.len() as f64,
-        trajectory_sha256: reports.iter().map(|r| r.trajectory_sha256.clone()).collect(),
-    })
+    text
 }
 
-fn tracking_plot(curves: &[(&'static str, &'static str, Vec<Report>)]) -> Plot {
-    let of = |reports: &[Report]| -> Vec<[f64; 2]> {
-        reports.iter().filter_map(|r| Some([r.seed as f64, r.tracking?.rms_cm])).collect()
+fn tracked(condition: &Condition, of_all: &[&Followed]) -> Tracked {
+    let of = |value: fn(&Followed) -> f64| spread(of_all.iter().map(|followed| value(followed)));
+    let detected = of(|followed| -followed.tracking.detected_share);
+    let passed = || of_all.iter().flat_map(|followed| &followed.corners);
+    Tracked {
+        condition: condition.clone(),
+        seeds: of_all.len() as u64,
+        rms_cm: of(|followed| followed.tracking.rms_cm),
+        median_cm: of(|followed| followed.tracking.median_cm),
+        max_cm: of(|followed| followed.tracking.max_cm),
+        detected_share: Spread { p50: -detected.p50, p90: -detected.p90 },
+        lost_share: of_all.iter().map(|f| f.tracking.lost_share).sum::<f64>() / of_all.len() as f64,
+        lead_ms: of(|followed| followed.lead_ms),
+        corners: (passed().count() > 0).then(|| Corners {
+            count: passed().count() as u64,
+            distance_cm: spread(passed().map(|corner| corner.distance_cm)),
+            overshoot_cm: spread(passed().map(|corner| corner.overshoot_cm)),
+            overshoot_max_cm: passed().map(|corner| corner.overshoot_cm).fold(0.0, f64::max),
+        }),
+        trajectory_sha256: of_all.iter().map(|followed| followed.trajectory_sha256.clone()).collect(),
+    }
+}
+
+/// The paper's figures 6 and 7: with the condition nearest to the paper's own, the first seed.
+fn paper_figures(of_first_seed: &[(&Condition, &Followed)]) -> [String; 2] {
+    let wanted = |controller: &str| {
+        let of_it = of_first_seed.iter().filter(|(condition, _)| condition.controller == controller);
+        of_it.max_by_key(|(condition, _)| condition.is_the_papers()).map(|(_, followed)| &followed.records)
     };
-    let mut series: Vec<Series> = curves
-        .iter()
-        .map(|(name, colour, reports)| Series {
-            name: (*name).to_owned(),
-            colour,
-            points: of(reports),
-            mark: Mark::Line,
-        })
-        .collect();
-    let ends = series.first().map(|s| [s.points.first(), s.points.last()].map(|p| p.map_or(0.0, |p| p[0])));
-    series.push(Series {
-        name: "paper: in the order of 2 cm".to_owned(),
-        colour: "#d55e00",
-        points: ends.unwrap_or_default().map(|x| [x, PAPER_TRACKING_CM]).to_vec(),
-        mark: Mark::Dashed,
-    });
-    Plot {
-        title: "Following the vehicle: RMS distance per seed".to_owned(),
-        x_label: "seed".to_owned(),
-        y_label: "cm".to_owned(),
-        equal_axes: false,
-        log_y: true,
-        series,
-    }
+    let empty = Vec::new();
+    let records = wanted("predictive").or(wanted("plain")).unwrap_or(&empty);
+    plots::following(records)
+}
+
+fn write_plot(options: &Experiment, name: &str, svg: &str) -> Result<(), String> {
+    let folder = options.plots.clone().unwrap_or_else(|| PathBuf::from(super::PLOTS));
+    let file = folder.join(name);
+    std::fs::create_dir_all(&folder)
+        .and_then(|()| std::fs::write(&file, svg))
+        .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+    println!("\n  plot: {}", file.display());
+    Ok(())
 }

@@ -7,8 +7,6 @@ use std::time::Duration;
 use pursuit_learning::Settings;
 use serde::{Deserialize, Serialize};
 
-use crate::follower::Noise;
-
 /// Which scheme of learning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Profile {
@@ -27,6 +25,27 @@ pub enum Controller {
     /// The set-point is where the target will be: see [`Follower`](crate::follower::Follower).
     #[default]
     Predictive,
+}
+
+/// The time from a set-point to its effect, over which the predictive law predicts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Lead {
+    /// Measured while following: see [`delay`](crate::delay).
+    Measured {
+        /// What it is until it has been measured.
+        prior: Duration,
+    },
+    /// This.
+    Fixed(Duration),
+}
+
+impl Lead {
+    /// What it is before anything is measured.
+    pub fn prior(&self) -> Duration {
+        match *self {
+            Lead::Measured { prior } | Lead::Fixed(prior) => prior,
+        }
+    }
 }
 
 /// Permitted [`Parameters::training_moves`].
@@ -94,9 +113,9 @@ pub struct Parameters {
     /// How the target is followed.
     pub controller: Controller,
     /// Time from a set-point to its effect, over which the predictive law predicts.
-    pub lead: Duration,
-    /// What the predictive law believes of noise.
-    pub noise: Noise,
+    pub lead: Lead,
+    /// Standard deviation of a detection until it has been measured, px, > 0.
+    pub measurement_px: f64,
     /// Without a detection for so long, the arm stops.
     pub lost_after: Duration,
     /// Without a detection for so long, it goes home.
@@ -137,10 +156,9 @@ impl Parameters {
     /// [`Parameters::refit_deadline`] unless set: 50 times what a refit takes.
     pub const DEFAULT_REFIT_DEADLINE: Duration = Duration::from_millis(200);
     /// [`Parameters::lead`] unless set: the simulated robot's 80 ms and the lag of its servos.
-    pub const DEFAULT_LEAD: Duration = Duration::from_millis(90);
-    /// [`Parameters::noise`] unless set: some pixels, what detection and learnt map together are off, and a
-    /// target that changes its acceleration within half a second.
-    pub const DEFAULT_NOISE: Noise = Noise { measurement_rad: 0.01, jerk: 0.03 };
+    pub const DEFAULT_LEAD: Lead = Lead::Measured { prior: Duration::from_millis(90) };
+    /// [`Parameters::measurement_px`] unless set: what the detector says of itself.
+    pub const DEFAULT_MEASUREMENT_PX: f64 = 1.5;
     /// [`Parameters::lost_after`] unless set.
     pub const DEFAULT_LOST_AFTER: Duration = Duration::from_millis(500);
     /// [`Parameters::return_after`] unless set.
@@ -171,7 +189,7 @@ impl Parameters {
             find_clock_offset: true,
             controller: Controller::Predictive,
             lead: Parameters::DEFAULT_LEAD,
-            noise: Parameters::DEFAULT_NOISE,
+            measurement_px: Parameters::DEFAULT_MEASUREMENT_PX,
             lost_after: Parameters::DEFAULT_LOST_AFTER,
             return_after: Parameters::DEFAULT_RETURN_AFTER,
         };
@@ -218,8 +236,7 @@ impl Parameters {
             (positive(self.reached_half_widths), "reached_half_widths must be positive"),
             (positive(self.still_rad_per_s), "still_rad_per_s must be positive"),
             (positive(self.arrived_rad), "arrived_rad must be positive"),
-            (positive(self.noise.measurement_rad), "measurement_rad must be positive"),
-            (positive(self.noise.jerk), "target_jerk must be positive"),
+            (positive(self.measurement_px), "measurement_px must be positive"),
             (self.lost_after <= self.return_after, "lost_after must not be longer than return_after"),
         ]
         .into_iter()

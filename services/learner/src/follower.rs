@@ -1,182 +1,306 @@
-//! Where the target is going, in joint space: a constant-acceleration Kalman filter per joint, a gate
-//! against detections that cannot be, and the prediction over the robot's delay (design notes on the learner, section 6).
+//! Where the target is going: three motions that it may be in, weighed by how well they explain what is
+//! seen (an interacting multiple model, Blom and Bar-Shalom 1988), and the prediction over the robot's
+//! delay (design notes on the learner, section 6, which leave the mixture open).
 //!
-//! Each measurement is the absolute joint target at the exposure of its frame. The paper has none of
-//! this: "no smoothing is carried out", and it names prediction as future work.
+//! Positions are those of the table chart (see [`Chart`](crate::chart::Chart)), in px: there a target that
+//! drives straight on drives straight on, and noise is the same in all directions. In joint space neither
+//! holds: where the arm is stretched 1 px of the image is three times the joint angle that it is elsewhere.
+//! The paper has none of this: "no smoothing is carried out", and it names prediction as future work.
 
 use serde::{Deserialize, Serialize};
 
-/// Squared distance of a measurement from its prediction, in standard deviations, above which it is not
-/// believed: 3.5 of them.
-const GATE: f64 = 12.25;
-/// Variances of a fresh filter beside that of its measurement: (rad/s)² and (rad/s²)².
-const FRESH: [f64; 2] = [0.02, 0.02];
+/// Squared distance of a measurement from where it was expected, in variances, above which it is not
+/// believed.
+const GATE: f64 = 64.0;
 /// A gap longer than this begins anew, s.
 const MAX_GAP_S: f64 = 1.0;
+/// Standard deviations of a fresh filter's velocity, px/s, and acceleration, px/s²: a vehicle of 0.2 m/s in
+/// the default cell, on a circle of 0.2 m.
+const FRESH: [f64; 2] = [100.0, 100.0];
+/// Range of the measured noise of a detection, px.
+const NOISE_RANGE_PX: [f64; 2] = [0.7, 8.0];
+/// Time over which the noise of detections is measured, s.
+const NOISE_MEMORY_S: f64 = 4.0;
+/// A target of which a part is not seen is not where its seen part is: standard deviation for what is
+/// missing of the area, in roots of the whole area.
+const MISSING: f64 = 0.1;
+/// Time over which the whole area is remembered, s.
+const AREA_MEMORY_S: f64 = 5.0;
+/// Sum of the squared weights of a third difference (1, -3, 3, -1).
+const THIRD_DIFFERENCE: f64 = 20.0;
+/// A third difference counts for no more than so many times the variance that is expected of it.
+const OUTLIER: f64 = 6.0;
+/// A motion never becomes less likely than this: it could not come back.
+const LEAST_WEIGHT: f64 = 1e-6;
 
-/// What the filter believes of noise.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Noise {
-    /// Standard deviation of a measurement, rad.
-    pub measurement_rad: f64,
-    /// Density of the target's jerk, rad²/s⁵: how fast its acceleration may change.
-    pub jerk: f64,
+/// An unseen target goes on for so long as it went, s, less and less: what stands still is not seen moving,
+/// and an arm that ran on would lose it.
+const COAST_S: f64 = 0.2;
+
+/// How many motions there are.
+const MODES: usize = 3;
+
+type Matrix = [[f64; 3]; 3];
+
+/// One way of moving.
+#[derive(Clone, Copy, Debug)]
+enum Mode {
+    /// Constant velocity, disturbed by white acceleration of this density, px²/s³.
+    Velocity(f64),
+    /// Constant acceleration, disturbed by white jerk of this density, px²/s⁵.
+    Acceleration(f64),
 }
 
-/// One joint: position, velocity, acceleration and their covariance.
+/// Straight on or round a long bend; into and out of bends; and sharply turning, starting or stopping, where
+/// the acceleration of before says nothing of the one to come.
+const MOTIONS: [Mode; MODES] =
+    [Mode::Acceleration(100.0), Mode::Acceleration(3000.0), Mode::Velocity(2000.0)];
+/// How long a motion lasts, s.
+const LASTS_S: [f64; MODES] = [2.0, 2.0, 0.15];
+/// What follows it when it ends.
+const NEXT: [[f64; MODES]; MODES] = [[0.0, 0.9, 0.1], [0.9, 0.0, 0.1], [0.5, 0.5, 0.0]];
+/// What a constant velocity says of acceleration, standard deviation, px/s²: what it may be once it is no
+/// longer constant.
+const ACCELERATION_SD: f64 = 60.0;
+
+/// The target as one of the motions sees it: position, velocity and acceleration of both axes, their
+/// common covariance, and the probability of this motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Axis {
-    state: [f64; 3],
-    covariance: [[f64; 3]; 3],
+struct Belief {
+    state: [[f64; 3]; 2],
+    covariance: Matrix,
+    weight: f64,
 }
 
-/// The filter for joints 1 and 2.
+/// The filter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Follower {
-    axes: [Axis; 2],
+    beliefs: [Belief; MODES],
     time_ns: u64,
+    noise: Noise,
+}
+
+/// The noise of detections as it is measured: the third difference of positions in a row is blind to
+/// everything smooth, so that what is left of it is noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Noise {
+    variance_px2: f64,
+    /// What detections say of themselves on average, px².
+    claimed_px2: f64,
+    /// The largest visible area of late, px².
+    whole_px2: f64,
+    last: [[f64; 2]; 3],
+    count: u32,
+}
+
+/// One detection on the chart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting {
+    /// Where, px.
+    pub point_px: [f64; 2],
+    /// When, ns.
+    pub time_ns: u64,
+    /// What it says of its own variance in each direction, px²; only its changes count. > 0.
+    pub claimed_px2: f64,
+    /// Visible area, px²; 0 where it is not known.
+    pub area_px2: f64,
 }
 
 impl Follower {
-    /// A fresh filter at a measurement (rad) of the frame exposed at `time_ns`.
-    pub fn at(measured_rad: [f64; 2], time_ns: u64, noise: &Noise) -> Follower {
-        let variance = noise.measurement_rad * noise.measurement_rad;
-        let axis = |position: f64| Axis {
-            state: [position, 0.0, 0.0],
-            covariance: [[variance, 0.0, 0.0], [0.0, FRESH[0], 0.0], [0.0, 0.0, FRESH[1]]],
+    /// A fresh filter at a sighting; `variance_px2` is that of a detection until it has been measured.
+    pub fn at(sighting: &Sighting, variance_px2: f64) -> Follower {
+        let axis = |position: f64| [position, 0.0, 0.0];
+        let belief = Belief {
+            state: sighting.point_px.map(axis),
+            covariance: [
+                [variance_px2, 0.0, 0.0],
+                [0.0, FRESH[0] * FRESH[0], 0.0],
+                [0.0, 0.0, FRESH[1] * FRESH[1]],
+            ],
+            weight: 1.0 / MODES as f64,
         };
-        Follower { axes: measured_rad.map(axis), time_ns }
+        Follower {
+            beliefs: [belief; MODES],
+            time_ns: sighting.time_ns,
+            noise: Noise {
+                variance_px2,
+                claimed_px2: sighting.claimed_px2,
+                whole_px2: sighting.area_px2,
+                last: [sighting.point_px; 3],
+                count: 1,
+            },
+        }
     }
 
-    /// Takes a measurement; whether it was believed.
-    pub fn take(&mut self, measured_rad: [f64; 2], time_ns: u64, noise: &Noise) -> bool {
-        let gap_s = time_ns.saturating_sub(self.time_ns) as f64 * 1e-9;
+    /// Takes a sighting; whether it was believed.
+    pub fn take(&mut self, sighting: &Sighting) -> bool {
+        let gap_s = sighting.time_ns.saturating_sub(self.time_ns) as f64 * 1e-9;
         if gap_s > MAX_GAP_S {
-            *self = Follower::at(measured_rad, time_ns, noise);
+            *self = Follower::at(sighting, self.noise.variance_px2);
             return true;
         }
-        for axis in &mut self.axes {
-            axis.predict(gap_s, noise.jerk);
+        let variance = self.noise.of(sighting);
+        let mut next = self.mixed(gap_s);
+        let (mut nearest, mut total) = (f64::INFINITY, 0.0);
+        for (belief, mode) in next.iter_mut().zip(MOTIONS) {
+            belief.predict(&mode, gap_s);
+            let before = belief.weight;
+            let (distance, likelihood) = belief.correct(sighting.point_px, variance);
+            nearest = nearest.min(distance);
+            belief.weight = before * likelihood;
+            total += belief.weight;
         }
-        self.time_ns = time_ns;
-        let variance = noise.measurement_rad * noise.measurement_rad;
-        let distance = |k: usize| {
-            let axis = &self.axes[k];
-            let off = measured_rad[k] - axis.state[0];
-            off * off / (axis.covariance[0][0] + variance)
-        };
-        if distance(0).max(distance(1)) > GATE {
+        if nearest > GATE {
             return false;
         }
-        for (axis, measured) in self.axes.iter_mut().zip(measured_rad) {
-            axis.correct(measured, variance);
+        for belief in &mut next {
+            belief.weight = (belief.weight / total).max(LEAST_WEIGHT);
         }
+        self.beliefs = next;
+        self.time_ns = sighting.time_ns;
+        self.noise.take(sighting, gap_s);
         true
     }
 
-    /// Positions (rad) and velocities (rad/s) of joints 1 and 2 over the target, predicted for `time_ns`.
-    pub fn predicted(&self, time_ns: u64) -> ([f64; 2], [f64; 2]) {
-        let ahead_s = time_ns.saturating_sub(self.time_ns) as f64 * 1e-9;
-        let of = |axis: &Axis| {
-            let [position, velocity, acceleration] = axis.state;
-            let then = velocity + acceleration * ahead_s;
-            (position + 0.5 * (velocity + then) * ahead_s, then)
+    /// Position of the target `ahead_ns` after `now_ns`, the time of the newest frame, px on the chart.
+    /// Where it was not seen in that frame, it counts as slowing down since it was.
+    pub fn predicted_px(&self, now_ns: u64, ahead_ns: u64) -> [f64; 2] {
+        let unseen_s = now_ns.saturating_sub(self.time_ns) as f64 * 1e-9;
+        let slowing = (-unseen_s / COAST_S).exp();
+        let ahead_s = COAST_S * (1.0 - slowing) + slowing * ahead_ns as f64 * 1e-9;
+        let mut point = [0.0; 2];
+        let total: f64 = self.beliefs.iter().map(|belief| belief.weight).sum();
+        for (belief, mode) in self.beliefs.iter().zip(MOTIONS) {
+            for (sum, [position, velocity, acceleration]) in point.iter_mut().zip(belief.state) {
+                let bend = match mode {
+                    Mode::Velocity(_) => 0.0,
+                    Mode::Acceleration(_) => 0.5 * acceleration * ahead_s * ahead_s,
+                };
+                *sum += belief.weight / total * (position + velocity * ahead_s + bend);
+            }
+        }
+        point
+    }
+
+    /// Standard deviation of a detection as measured, px.
+    pub fn noise_px(&self) -> f64 {
+        self.noise.variance_px2.sqrt()
+    }
+
+    /// What each motion starts from after `gap_s`: all of them, as likely as they change into it.
+    fn mixed(&self, gap_s: f64) -> [Belief; MODES] {
+        let change = |from: usize, to: usize| {
+            let stays = (-gap_s / LASTS_S[from]).exp();
+            if from == to { stays } else { (1.0 - stays) * NEXT[from][to] }
         };
-        let (first, second) = (of(&self.axes[0]), of(&self.axes[1]));
-        ([first.0, second.0], [first.1, second.1])
+        std::array::from_fn(|to| {
+            let shares: [f64; MODES] =
+                std::array::from_fn(|from| change(from, to) * self.beliefs[from].weight);
+            let weight: f64 = shares.iter().sum();
+            let mut mixed = Belief { state: [[0.0; 3]; 2], covariance: [[0.0; 3]; 3], weight };
+            for (belief, share) in self.beliefs.iter().zip(shares) {
+                for (sums, values) in mixed.state.iter_mut().zip(belief.state) {
+                    for (sum, value) in sums.iter_mut().zip(values) {
+                        *sum += share / weight * value;
+                    }
+                }
+            }
+            for (belief, share) in self.beliefs.iter().zip(shares) {
+                let off: [[f64; 3]; 2] = std::array::from_fn(|axis| {
+                    [0, 1, 2].map(|k| belief.state[axis][k] - mixed.state[axis][k])
+                });
+                for k in 0..3 {
+                    for l in 0..3 {
+                        // The axes have one covariance: the spread of the means counts for both by half.
+                        let spread = 0.5 * (off[0][k] * off[0][l] + off[1][k] * off[1][l]);
+                        mixed.covariance[k][l] += share / weight * (belief.covariance[k][l] + spread);
+                    }
+                }
+            }
+            mixed
+        })
     }
 }
 
-impl Axis {
-    /// Constant acceleration over `t` s, driven by white jerk of density `jerk`.
-    fn predict(&mut self, t: f64, jerk: f64) {
-        let step = [[1.0, t, 0.5 * t * t], [0.0, 1.0, t], [0.0, 0.0, 1.0]];
+impl Belief {
+    fn predict(&mut self, mode: &Mode, t: f64) {
         let (t2, t3) = (t * t, t * t * t);
-        let drive = [
-            [t2 * t3 / 20.0, t2 * t2 / 8.0, t3 / 6.0],
-            [t2 * t2 / 8.0, t3 / 3.0, t2 / 2.0],
-            [t3 / 6.0, t2 / 2.0, t],
-        ];
+        let (step, drive): (Matrix, Matrix) = match mode {
+            Mode::Velocity(q) => (
+                [[1.0, t, 0.0], [0.0, 1.0, 0.0], [0.0; 3]],
+                [
+                    [q * t3 / 3.0, q * t2 / 2.0, 0.0],
+                    [q * t2 / 2.0, q * t, 0.0],
+                    [0.0, 0.0, ACCELERATION_SD * ACCELERATION_SD],
+                ],
+            ),
+            Mode::Acceleration(q) => (
+                [[1.0, t, 0.5 * t2], [0.0, 1.0, t], [0.0, 0.0, 1.0]],
+                [
+                    [q * t2 * t3 / 20.0, q * t2 * t2 / 8.0, q * t3 / 6.0],
+                    [q * t2 * t2 / 8.0, q * t3 / 3.0, q * t2 / 2.0],
+                    [q * t3 / 6.0, q * t2 / 2.0, q * t],
+                ],
+            ),
+        };
+        for axis in &mut self.state {
+            *axis = [0, 1, 2].map(|i| (0..3).map(|k| step[i][k] * axis[k]).sum());
+        }
         let old = self.covariance;
-        self.state = [0, 1, 2].map(|i| (0..3).map(|k| step[i][k] * self.state[k]).sum());
-        let half: [[f64; 3]; 3] =
-            [0, 1, 2].map(|i| [0, 1, 2].map(|j| (0..3).map(|k| step[i][k] * old[k][j]).sum()));
-        self.covariance = [0, 1, 2].map(|i| {
-            [0, 1, 2].map(|j| (0..3).map(|k| half[i][k] * step[j][k]).sum::<f64>() + jerk * drive[i][j])
-        });
+        let half: Matrix = [0, 1, 2].map(|i| [0, 1, 2].map(|j| (0..3).map(|k| step[i][k] * old[k][j]).sum()));
+        self.covariance = [0, 1, 2]
+            .map(|i| [0, 1, 2].map(|j| (0..3).map(|k| half[i][k] * step[j][k]).sum::<f64>() + drive[i][j]));
     }
 
-    fn correct(&mut self, measured: f64, variance: f64) {
+    /// Takes a measurement; its squared distance in variances, and its likelihood up to a factor that all
+    /// motions have in common.
+    fn correct(&mut self, measured: [f64; 2], variance: f64) -> (f64, f64) {
         let total = self.covariance[0][0] + variance;
         let gain = [0, 1, 2].map(|i| self.covariance[i][0] / total);
-        let off = measured - self.state[0];
+        let off = [0, 1].map(|axis| measured[axis] - self.state[axis][0]);
+        for (axis, off) in self.state.iter_mut().zip(off) {
+            for (value, gain) in axis.iter_mut().zip(gain) {
+                *value += gain * off;
+            }
+        }
         let row = self.covariance[0];
-        for ((value, gain), covariances) in self.state.iter_mut().zip(gain).zip(&mut self.covariance) {
-            *value += gain * off;
+        for (covariances, gain) in self.covariance.iter_mut().zip(gain) {
             for (covariance, first) in covariances.iter_mut().zip(row) {
                 *covariance -= gain * first;
             }
         }
+        let distance = (off[0] * off[0] + off[1] * off[1]) / total;
+        // Never 0: all motions together must have a weight also at the gate.
+        (distance, (-0.5 * distance.min(GATE)).exp() / total)
+    }
+}
+
+impl Noise {
+    /// Variance of a sighting, px²: what was measured, as much more or less as it says of itself.
+    fn of(&self, sighting: &Sighting) -> f64 {
+        let [least, most] = NOISE_RANGE_PX.map(|sd| sd * sd);
+        let relative = (sighting.claimed_px2 / self.claimed_px2).clamp(0.5, 4.0);
+        let missing_px2 = (self.whole_px2 - sighting.area_px2).max(0.0);
+        let shift = if self.whole_px2 > 0.0 { MISSING * missing_px2 / self.whole_px2.sqrt() } else { 0.0 };
+        (self.variance_px2 * relative).clamp(least, most) + shift * shift
+    }
+
+    fn take(&mut self, sighting: &Sighting, gap_s: f64) {
+        let share = (gap_s / NOISE_MEMORY_S).min(0.1);
+        self.claimed_px2 += share * (sighting.claimed_px2 - self.claimed_px2);
+        self.whole_px2 = (self.whole_px2 * (-gap_s / AREA_MEMORY_S).exp()).max(sighting.area_px2);
+        let [newest, middle, oldest] = self.last;
+        if self.count >= 3 {
+            for axis in 0..2 {
+                let third = sighting.point_px[axis] - 3.0 * newest[axis] + 3.0 * middle[axis] - oldest[axis];
+                let variance = (third * third / THIRD_DIFFERENCE).min(OUTLIER * self.variance_px2);
+                self.variance_px2 += share * (variance - self.variance_px2);
+            }
+        }
+        self.last = [sighting.point_px, newest, middle];
+        self.count = self.count.saturating_add(1);
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rand::{RngExt, SeedableRng};
-
-    const NOISE: Noise = Noise { measurement_rad: 0.03, jerk: 0.01 };
-    const FRAME_NS: u64 = 80_000_000;
-
-    /// A target on a slow circle in joint space.
-    fn target(time_ns: u64) -> [f64; 2] {
-        let phase = 0.5 * time_ns as f64 * 1e-9;
-        [0.3 * phase.sin(), 0.6 + 0.3 * phase.cos()]
-    }
-
-    #[test]
-    fn a_steady_target_is_predicted_without_lag() {
-        let mut follower = Follower::at([0.0, 0.5], 0, &NOISE);
-        let at = |t: u64| [0.1 * t as f64 * 1e-9, 0.5];
-        for k in 1..100 {
-            assert!(follower.take(at(k * FRAME_NS), k * FRAME_NS, &NOISE));
-        }
-        let later = 99 * FRAME_NS + 110_000_000;
-        let (position, velocity) = follower.predicted(later);
-        assert!((position[0] - at(later)[0]).abs() < 1e-4, "{position:?}");
-        assert!((velocity[0] - 0.1).abs() < 1e-3 && velocity[1].abs() < 1e-6);
-    }
-
-    #[test]
-    fn noise_is_smoothed_and_wild_measurements_are_not_believed() {
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
-        let mut follower = Follower::at(target(0), 0, &NOISE);
-        let (mut sum, mut believed_wild, mut wild) = (0.0, 0, 0);
-        for k in 1..1000_u64 {
-            let time_ns = k * FRAME_NS;
-            let truth = target(time_ns);
-            if k > 20 && random.random_range(0.0..1.0) < 0.15 {
-                wild += 1;
-                let side = if wild % 2 == 0 { 1.0 } else { -1.0 };
-                believed_wild +=
-                    u32::from(follower.take([truth[0] + 0.5 * side, truth[1] - 0.3], time_ns, &NOISE));
-                continue;
-            }
-            // Uniform noise of standard deviation 0.03.
-            let noisy = truth.map(|axis| axis + random.random_range(-0.052..0.052));
-            follower.take(noisy, time_ns, &NOISE);
-            let ahead = time_ns + 110_000_000;
-            sum += (follower.predicted(ahead).0[0] - target(ahead)[0]).powi(2);
-        }
-        let rms = (sum / 1000.0_f64).sqrt();
-        assert!(wild > 100 && believed_wild == 0, "{believed_wild} of {wild} believed");
-        assert!(rms < 0.02, "predicted {rms} rad off, the measurements are 0.03");
-    }
-
-    #[test]
-    fn a_long_gap_begins_anew() {
-        let mut follower = Follower::at([0.0, 0.5], 0, &NOISE);
-        assert!(follower.take([0.8, 0.5], 2_000_000_000, &NOISE));
-        assert_eq!(follower.predicted(2_000_000_000).0, [0.8, 0.5]);
-    }
-}
+mod tests;

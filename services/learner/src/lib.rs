@@ -9,17 +9,19 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod background;
+pub mod chart;
 pub mod config;
+mod delay;
 pub mod follower;
 pub mod history;
-mod moment;
+pub mod moment;
 mod refitter;
 pub mod refusals;
 mod rest;
 pub mod section;
 mod sightings;
 pub mod step;
-mod tracking;
+pub mod tracking;
 mod training;
 
 use history::JointHistory;

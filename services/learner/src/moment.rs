@@ -25,7 +25,7 @@ pub struct Input {
 
 /// An [`Input`] that has been checked.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Moment {
+pub struct Moment {
     pub(crate) frame: u64,
     pub(crate) now_ns: u64,
     pub(crate) joints: [f64; 2],
@@ -33,11 +33,22 @@ pub(crate) struct Moment {
     /// Larger of the two speeds, rad/s.
     pub(crate) speed: f64,
     pub(crate) blob: Option<Blob>,
-    /// Motion detection, px from the image's centre.
-    pub(crate) motion_px: Option<[f64; 2]>,
+    /// Motion detection.
+    pub(crate) motion: Option<Motion>,
     /// How the background moved since the last frame; `None` where that is not known.
     pub(crate) background: Option<Background>,
     pub(crate) normalisation: Normalisation,
+}
+
+/// What moves independently, in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Motion {
+    /// px from the image's centre.
+    pub(crate) point_px: [f64; 2],
+    /// Mean variance of the two directions, px², where the detector says it.
+    pub(crate) variance_px2: Option<f64>,
+    /// Visible area, px², 0 where it is not known.
+    pub(crate) area_px2: f64,
 }
 
 /// Motion of the background since an earlier frame.
@@ -62,6 +73,11 @@ pub(crate) struct Blob {
 }
 
 impl Moment {
+    /// Where what moves independently is, px from the image's centre.
+    pub fn motion_px(&self) -> Option<[f64; 2]> {
+        self.motion.map(|motion| motion.point_px)
+    }
+
     /// A view of something in this frame.
     pub(crate) fn sighting(&self, view: View) -> Sighting {
         Sighting { time_ns: self.now_ns, view }
@@ -70,7 +86,7 @@ impl Moment {
     /// `Err` where joints or image cannot be used. A detection that cannot be is none, and counted.
     /// `clock_offset_s` is the time that the joints' clock is ahead: the joints of so much later belong to
     /// the image. To the first order: a few tens of ms are made up for up to a mrad.
-    pub(crate) fn of(input: &Input, clock_offset_s: f64, refusals: &mut Refusals) -> Result<Moment, Refused> {
+    pub fn of(input: &Input, clock_offset_s: f64, refusals: &mut Refusals) -> Result<Moment, Refused> {
         let [width, height] = [input.image.width, input.image.height].map(f64::from);
         let finite = input.joints.iter().chain(&input.velocities).all(|joint| joint.is_finite());
         if !finite || width < 1.0 || height < 1.0 {
@@ -106,7 +122,8 @@ impl Moment {
                 whole: is_whole(point_px, blob.area_px, half),
                 off_centre: (point_px[0].abs() / half[0]).max(point_px[1].abs() / half[1]),
             }),
-            motion_px: centred(moving(&input.target)),
+            motion: centred(moving(&input.target))
+                .map(|point_px| Motion::of(moving(&input.target), point_px)),
             background: background(&input.target),
             normalisation: Normalisation { half_width_px: half[0] },
         })
@@ -145,6 +162,19 @@ fn moving(target: &Target) -> &Detection {
     if target.motion.found == 0 && seen { &target.track } else { &target.motion }
 }
 
+impl Motion {
+    fn of(detection: &Detection, point_px: [f64; 2]) -> Motion {
+        let [uu, _, vv] = detection.position_covariance;
+        let mean = 0.5 * (uu + vv);
+        let area = detection.area_px;
+        Motion {
+            point_px,
+            variance_px2: (mean > 0.0 && mean.is_finite()).then_some(mean),
+            area_px2: if area > 0.0 && area.is_finite() { area } else { 0.0 },
+        }
+    }
+}
+
 /// Whether a disc of that area around that point lies inside the image, with a pixel to spare.
 fn is_whole(point_px: [f64; 2], area_px: f64, half: [f64; 2]) -> bool {
     let reach = (area_px.max(0.0) / std::f64::consts::PI).sqrt() + 1.0;
@@ -171,16 +201,20 @@ mod tests {
         Moment::of(input, 0.0, &mut Refusals::default())
     }
 
+    fn point(input: &Input) -> Option<[f64; 2]> {
+        moment(input).unwrap().motion_px()
+    }
+
     #[test]
     fn a_track_stands_in_for_a_pair_that_is_not_sure_enough_but_a_guess_does_not() {
         let mut input = input(0.0, 0.0);
         input.target.track = Detection { found: 1, u: 265.5, v: 255.5, ..Detection::default() };
         input.target.track_phase = TrackPhase::Coasting as u32;
-        assert_eq!(moment(&input).unwrap().motion_px, None);
+        assert_eq!(point(&input), None);
         input.target.track_phase = TrackPhase::Confirmed as u32;
-        assert_eq!(moment(&input).unwrap().motion_px, Some([10.0, 0.0]));
+        assert_eq!(point(&input), Some([10.0, 0.0]));
         input.target.motion = Detection { found: 1, u: 258.5, v: 255.5, ..Detection::default() };
-        assert_eq!(moment(&input).unwrap().motion_px, Some([3.0, 0.0]), "the pair comes first");
+        assert_eq!(point(&input), Some([3.0, 0.0]), "the pair comes first");
     }
 
     #[test]

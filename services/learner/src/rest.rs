@@ -181,7 +181,7 @@ mod tests {
             background: None,
             speed,
             blob: point.map(|x| Blob { view: view(x), whole: true, off_centre: x.abs() / 256.0 }),
-            motion_px: None,
+            motion: None,
             normalisation: Normalisation { half_width_px: 256.0 },
         }
     }

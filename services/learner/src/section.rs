@@ -1,6 +1,6 @@
 //! Section `[learner]`.
 
-use crate::config::{Controller, Parameters, Profile};
+use crate::config::{Controller, Lead, Parameters, Profile};
 use pursuit_config::Checker;
 use pursuit_learning::Method;
 use pursuit_runtime::settings;
@@ -39,11 +39,11 @@ fn read(checker: &Checker<'_>) -> Parameters {
     parameters.find_clock_offset = section.flag_or("find_clock_offset", parameters.find_clock_offset);
     let controllers = [("plain", Controller::Plain), ("predictive", Controller::Predictive)];
     parameters.controller = section.choice_or("controller", &controllers, parameters.controller);
-    let lead_ms = section.float_or("lead_ms", 0.0..=500.0, parameters.lead.as_secs_f64() * 1e3);
-    parameters.lead = Duration::from_secs_f64(lead_ms * 1e-3);
-    parameters.noise.measurement_rad =
-        section.float_or("measurement_rad", 1e-4..=1.0, parameters.noise.measurement_rad);
-    parameters.noise.jerk = section.float_or("target_jerk", 1e-6..=100.0, parameters.noise.jerk);
+    let measured = section.choice_or("lead", &[("measured", true), ("fixed", false)], true);
+    let lead_ms = section.float_or("lead_ms", 0.0..=300.0, parameters.lead.prior().as_secs_f64() * 1e3);
+    let lead = Duration::from_secs_f64(lead_ms * 1e-3);
+    parameters.lead = if measured { Lead::Measured { prior: lead } } else { Lead::Fixed(lead) };
+    parameters.measurement_px = section.float_or("measurement_px", 0.01..=100.0, parameters.measurement_px);
     let learning = &mut parameters.learning;
     learning.memory = section.integer_or("memory", crate::config::MEMORY, learning.memory);
     learning.eta = section.float_or("eta", crate::config::ETA, learning.eta);

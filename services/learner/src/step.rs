@@ -52,14 +52,30 @@ pub(crate) enum Activity {
 
 /// What the arm is told; position and velocity of the message follow from it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) enum Command {
+pub enum Command {
+    /// Come to rest.
     Hold,
+    /// Go there, rad, and rest.
     GoTo([f64; 2]),
     /// On the way that leads through `position` with `velocity` at the exposure.
     Follow {
+        /// Joints 1 and 2, rad.
         position: [f64; 2],
+        /// Their velocities, rad/s.
         velocity: [f64; 2],
     },
+}
+
+impl Command {
+    /// Its part of a set-point.
+    pub fn set_point(&self) -> SetPoint {
+        let (follow, position, velocity) = match *self {
+            Command::Hold => (0, [0.0; 2], [0.0; 2]),
+            Command::GoTo(position) => (1, position, [0.0; 2]),
+            Command::Follow { position, velocity } => (1, position, velocity),
+        };
+        SetPoint { follow, position, velocity, ..SetPoint::default() }
+    }
 }
 
 /// How far training has come.
@@ -223,7 +239,18 @@ impl Learner {
         self.refusals.add(reason, 1);
     }
 
-    /// The parameters it was made with.
+    /// The same learner told to do otherwise from now on; what was learnt stays.
+    ///
+    /// # Panics
+    /// If a parameter is out of its range: see [`Parameters::fault`].
+    pub fn set_parameters(&mut self, parameters: &Parameters) {
+        if let Some(fault) = parameters.fault() {
+            panic!("{fault}");
+        }
+        self.parameters = *parameters;
+    }
+
+    /// The parameters it works with.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
     }
@@ -243,20 +270,12 @@ impl Learner {
     }
 
     fn set_point(&self, answer: &Answer) -> SetPoint {
-        let (follow, position, velocity) = match answer.command {
-            Command::Hold => (0, [0.0; 2], [0.0; 2]),
-            Command::GoTo(position) => (1, position, [0.0; 2]),
-            Command::Follow { position, velocity } => (1, position, velocity),
-        };
         SetPoint {
-            follow,
             phase: self.phase() as u32,
-            position,
-            velocity,
             moves: self.progress.moves,
             target_index: self.progress.target_index,
             detected: u32::from(answer.detected),
-            reserved: 0,
+            ..answer.command.set_point()
         }
     }
 
@@ -281,7 +300,7 @@ impl Learner {
             surprise: self.lessons.doubt(),
             uncertainty_rad: self.uncertainty_rad,
             clock_offset_ns: (self.clock_offset.seconds() * 1e9) as i64,
-            lead_ns: crate::rest::nanos(self.parameters.lead),
+            lead_ns: crate::rest::nanos(self.lead()),
             refused: self.refusals.counts(),
             weight_count,
             hidden: pursuit_learning::HIDDEN as u32,

@@ -142,3 +142,32 @@ fn the_predictive_law_starts_only_when_detections_agree_and_the_arm_is_at_rest()
     let started = learner.step(&cell.expose()).set_point;
     assert!(started.position != home && started.detected == 1, "{started:?}");
 }
+
+/// The target drives out of the arm's reach at 0.1 m/s and comes back the same way.
+#[test]
+fn an_unreachable_target_is_waited_for_at_the_limit_and_followed_again() {
+    let (mut learner, mut cell) = at_home_with(Controller::Predictive);
+    let parameters = *learner.parameters();
+    cell.target = [0.72, -0.1];
+    cell.target_velocity = [0.0, 0.0];
+    for _ in 0..30 {
+        cell.turn(&mut learner);
+    }
+    cell.target_velocity = [0.1, 0.0];
+    let (mut at_limit, mut farthest) = (0, 0.0_f64);
+    for frame in 0..150 {
+        cell.target_velocity = if frame < 60 { [0.1, 0.0] } else { [-0.1, 0.0] };
+        let before = cell.joints;
+        let set_point = cell.turn(&mut learner).set_point;
+        assert_eq!(set_point.position, parameters.into_envelope(set_point.position));
+        if set_point.position[1] == parameters.theta2_rad[0] {
+            at_limit += 1;
+            assert_eq!(set_point.velocity[1], 0.0, "it does not push against the limit");
+        }
+        farthest = farthest.max(cell.error_m());
+        let step = (cell.joints[1] - before[1]).abs();
+        assert!(step < 0.04, "{step} rad in one frame");
+    }
+    assert!(at_limit > 10 && farthest > 0.05, "{at_limit} frames at the limit, {farthest} m off");
+    assert!(cell.error_m() < 0.03, "{} m off after it came back", cell.error_m());
+}

@@ -137,8 +137,8 @@ impl Track {
         let lost =
             self.seen_ns.is_none_or(|seen_ns| now_ns.saturating_sub(seen_ns) >= nanos(parameters.lost_after));
         let fits_again = self.cautious && reliance.consistent;
-        if lost || fits_again {
-            (self.follower, self.tentative) = (None, None);
+        if lost {
+            self.follower = None;
         }
         self.cautious = !reliance.consistent;
         // The target never left the middle of the image: it is followed at once.
@@ -176,8 +176,8 @@ impl Track {
             area_px2: motion.area_px2,
         };
         if at_once {
-            self.follower =
-                Some(Follower::at(&sighting, parameters.measurement_px * parameters.measurement_px));
+            let variance_px2 = parameters.measurement_px * parameters.measurement_px;
+            (self.follower, self.tentative) = (Some(Follower::at(&sighting, variance_px2)), None);
             return true;
         }
         self.believe(&sighting, moment.speed < LOOKING_RAD_PER_S, parameters.measurement_px)

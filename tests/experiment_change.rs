@@ -40,9 +40,6 @@ fn a_change_is_told_as_moves_and_as_windows_of_time() {
         );
         assert!(row["moves_to_3cm"].is_object() && row["moves_to_1cm"].is_object());
     }
-    // A camera that was turned by 20 degrees in mid-run makes the learnt map wrong at once.
-    let right_after = learning[1]["after_cm"][0]["p50"].as_f64();
-    assert!(right_after > learning[1]["before_cm"]["p50"].as_f64(), "{}", learning[1]);
     let tracking = figures["tracking"].as_array().expect("changes while following");
     assert_eq!(tracking.len(), 1);
     assert!(tracking[0]["rms_cm"].as_array().is_some_and(|all| all.len() == 5 && all.iter().all(is_spread)));

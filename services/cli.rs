@@ -203,6 +203,9 @@ pub struct Experiment {
     /// Tracking, calibrated: simulated time from a command to its effect, ms.
     #[arg(long, value_name = "MS", value_delimiter = ',')]
     pub latencies: Vec<f64>,
+    /// Learning: these schemes only, as `--schemes recommended,paper`.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub schemes: Vec<String>,
     /// Tracking: these laws only, plain, predictive.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub controllers: Vec<String>,

@@ -88,8 +88,9 @@ fn a_disturbed_run_is_the_same_in_one_process_as_in_six() {
 fn one_process(place: &Place, more: &[&str]) -> Value {
     let file = place.file("experiment.json");
     let output = support::pursuit()
-        .args(["experiment", "tracking", "--seeds", "1", "--first-seed", "7"])
+        .args(["experiment", "learning", "--schemes", "recommended", "--seeds", "1", "--first-seed", "7"])
         .args(["--set", "learner.training_moves=4", "--set", &format!("simulator.frames={FRAMES}")])
+        .args(["--set", "camera.rate_hz=12.5"])
         .args(more)
         .arg("--json")
         .arg(&file)
@@ -98,7 +99,7 @@ fn one_process(place: &Place, more: &[&str]) -> Value {
         .output()
         .expect("pursuit experiment runs");
     assert!(output.status.success(), "{}", support::text(&output).1);
-    json(&file)["runs"][1]["trajectory_sha256"][0].clone()
+    json(&file)["schemes"][0]["trajectory_sha256"][0].clone()
 }
 
 /// A run with seed 9 that lasts as long as in reality, and the file that its report will be in.

@@ -51,6 +51,8 @@ struct Scheme {
     final_cm: Spread,
     /// Median over the seeds of the one-shot error after each move.
     error_after_move_cm: Vec<f64>,
+    /// Of each seed: the run as one number.
+    trajectory_sha256: Vec<Option<String>>,
 }
 
 /// Runs it.
@@ -62,6 +64,7 @@ pub fn run(options: &Experiment) -> Result<u8, String> {
     struct Figures {
         schemes: Vec<Scheme>,
     }
+    let variants = wanted(options)?;
     println!(
         "learning on the static blob, 25 Hz, seeds {}; median / p90 over the seeds",
         seeds_text(options)
@@ -75,7 +78,7 @@ pub fn run(options: &Experiment) -> Result<u8, String> {
         "scheme", "first: to 3 cm", "to 1 cm", "one: to 3 cm", "to 1 cm", "after 5 moves", "at the end"
     );
     let mut schemes = Vec::new();
-    for variant in &VARIANTS {
+    for variant in &variants {
         let scheme = variant.measure(options)?;
         println!(
             "  {:<12} {:>16} {:>14} {:>15} {:>14} {:>17} {:>17}",
@@ -91,8 +94,20 @@ pub fn run(options: &Experiment) -> Result<u8, String> {
     }
     let about = format!("about {PAPER_MOVES_TO_3_CM}");
     println!("  {:<12} {about:>16} {:>14}", "paper, 1994", "-");
-    let plot = learning_plot(&schemes);
+    let plot = learning_plot(&schemes, &variants);
     publish(options, &Figures { schemes }, "experiment-learning.svg", &plot.svg())
+}
+
+/// The schemes that are asked for, all where none is named.
+fn wanted(options: &Experiment) -> Result<Vec<&'static Variant>, String> {
+    let unknown = options.schemes.iter().find(|name| VARIANTS.iter().all(|variant| variant.name != **name));
+    if let Some(name) = unknown {
+        let known = VARIANTS.each_ref().map(|variant| variant.name).join(", ");
+        return Err(format!("--schemes: there is no {name:?}; there are {known}"));
+    }
+    let is_wanted =
+        |variant: &&Variant| options.schemes.is_empty() || options.schemes.iter().any(|n| n == variant.name);
+    Ok(VARIANTS.iter().filter(is_wanted).collect())
 }
 
 impl Variant {
@@ -116,6 +131,7 @@ impl Variant {
             after_5_moves_cm: spread(whole.iter().map(|r| error_after(r, 4))),
             final_cm: spread(whole.iter().map(last)),
             error_after_move_cm: medians_after_moves(&whole),
+            trajectory_sha256: whole.into_iter().map(|report| report.trajectory_sha256).collect(),
         })
     }
 
@@ -160,11 +176,11 @@ fn medians_after_moves(reports: &[Report]) -> Vec<f64> {
     (0..longest).map(median_after).collect()
 }
 
-fn learning_plot(schemes: &[Scheme]) -> Plot {
+fn learning_plot(schemes: &[Scheme], variants: &[&Variant]) -> Plot {
     let longest = schemes.iter().map(|scheme| scheme.error_after_move_cm.len()).max().unwrap_or(1);
     let mut series: Vec<Series> = schemes
         .iter()
-        .zip(&VARIANTS)
+        .zip(variants)
         .map(|(scheme, variant)| Series {
             name: scheme.name.to_owned(),
             colour: variant.colour,

@@ -49,6 +49,9 @@ fn applicable(options: &Experiment) -> Result<(), String> {
     if !chooses && !options.scenes.is_empty() {
         return Err("--scenes is for change, robustness and ablation".to_owned());
     }
+    if options.name != ExperimentName::Learning && !options.schemes.is_empty() {
+        return Err("--schemes is for learning".to_owned());
+    }
     if of_the_arm && (!options.sizes.is_empty() || options.frames.is_some()) {
         return Err("--sizes and --frames are for robustness and ablation".to_owned());
     }

@@ -2,12 +2,11 @@
 
 use super::cells::{self, Condition, Followed};
 use super::figures::{Spread, spread, spread_text};
-use super::{publish, seeds_text};
+use super::{publish, seeds_text, write_plot};
 use crate::cli::Experiment;
 use crate::plots;
 use crate::report::{APPROACH_S, PAPER_TRACKING_CM};
 use serde::Serialize;
-use std::path::PathBuf;
 
 /// What following came to under one condition, over all seeds.
 #[derive(Clone, Debug, Serialize)]
@@ -22,6 +21,7 @@ struct Tracked {
     lost_share: f64,
     lead_ms: Spread,
     corners: Option<Corners>,
+    /// Of each seed: what was followed, as one number.
     trajectory_sha256: Vec<String>,
 }
 
@@ -123,14 +123,4 @@ fn paper_figures(of_first_seed: &[(&Condition, &Followed)]) -> [String; 2] {
     let empty = Vec::new();
     let records = wanted("predictive").or(wanted("plain")).unwrap_or(&empty);
     plots::following(records)
-}
-
-fn write_plot(options: &Experiment, name: &str, svg: &str) -> Result<(), String> {
-    let folder = options.plots.clone().unwrap_or_else(|| PathBuf::from(super::PLOTS));
-    let file = folder.join(name);
-    std::fs::create_dir_all(&folder)
-        .and_then(|()| std::fs::write(&file, svg))
-        .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
-    println!("\n  plot: {}", file.display());
-    Ok(())
 }

@@ -1,32 +1,55 @@
-//! State that survives SIGKILL at any instant: a file of two slots, each with a checksum.
+//! State that survives SIGKILL at any instant: a mapped file of two slots, each with a checksum.
 //!
-//! A save writes the slot that is not the newest one; a kill in the middle leaves the other whole. What
-//! is lost is at most the save in flight. The kernel's page cache outlives the process, so nothing is
-//! flushed here: this guards against dying processes, not against dying machines.
+//! A save copies the state into the slot that is not the newest one and writes that slot's header last; a
+//! kill in the middle leaves the other slot whole. What is lost is at most the save in flight. A save is a
+//! copy of memory: no system call. The kernel's page cache outlives the process, so nothing is flushed
+//! here; [`keeper`] writes what must also outlive the machine.
+//!
+//! A slot that is not believed is refused by name ([`Refusal`]); where no slot is believed the file is set
+//! aside as `NAME.refused` and a new one begun.
 
+pub mod keeper;
+mod slot;
+
+use memmap2::MmapMut;
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering, fence};
 
-const MAGIC: u32 = 0x5055_5231;
-/// magic, schema, length, checksum, sequence.
-const HEADER: usize = 4 + 4 + 8 + 4 + 4 + 8;
+use slot::HEADER;
+pub use slot::Refusal;
 
-/// A file of two slots.
+/// A mapped file of two slots.
 #[derive(Debug)]
 pub struct Checkpoint {
-    file: File,
+    map: MmapMut,
+    file: Arc<File>,
     schema: u32,
     slot_bytes: usize,
-    sequence: u64,
+    /// Number of the newest save; who keeps it safe watches it.
+    sequence: Arc<AtomicU64>,
+    next_slot: usize,
     buffer: Vec<u8>,
+}
+
+/// What a checkpoint file held.
+#[derive(Debug, Default)]
+pub struct Restored {
+    /// The newest whole state.
+    pub state: Option<Vec<u8>>,
+    /// Number of the save that it is of; 0 without one.
+    pub sequence: u64,
+    /// Slots that were not believed, and why.
+    pub refused: Vec<(usize, Refusal)>,
 }
 
 /// Why a checkpoint cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file system refused.
-    #[error("checkpoint {path}: {cause}")]
+    #[error("checkpoint {path}: {cause}; is its folder writable and its disk not full?")]
     Io {
         /// The file.
         path: String,
@@ -47,34 +70,49 @@ pub enum CheckpointError {
     },
 }
 
+impl CheckpointError {
+    fn io(path: &Path) -> impl Fn(io::Error) -> CheckpointError + '_ {
+        |cause| CheckpointError::Io { path: path.display().to_string(), cause }
+    }
+}
+
 impl Checkpoint {
-    /// Opens or creates the file at `path` for states of at most `capacity` bytes, and reads back the
-    /// newest whole state of this `schema`. A torn or foreign slot is passed over; where no slot is
-    /// whole the state is `None`.
+    /// Opens or creates the file at `path` for states of at most `capacity` bytes, and reads back the newest
+    /// whole state of this `schema`. Refused slots are logged.
     ///
     /// # Errors
-    /// [`CheckpointError::Io`].
+    /// [`CheckpointError::Io`], also where the disk has no room for both slots.
     pub fn open(
         path: &Path,
         schema: u32,
         capacity: usize,
     ) -> Result<(Checkpoint, Option<Vec<u8>>), CheckpointError> {
-        let io = |cause| CheckpointError::Io { path: path.display().to_string(), cause };
-        let mut file =
-            File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(io)?;
-        let slot_bytes = capacity + HEADER;
-        let mut whole = Vec::new();
-        file.read_to_end(&mut whole).map_err(io)?;
-        let newest = [0, 1]
-            .into_iter()
-            .filter_map(|slot| read_slot(whole.get(slot * slot_bytes..)?, schema, capacity))
-            .max_by_key(|(sequence, _)| *sequence);
-        let (sequence, state) = match newest {
-            Some((sequence, state)) => (sequence, Some(state.to_vec())),
-            None => (0, None),
-        };
-        let buffer = Vec::with_capacity(slot_bytes);
-        Ok((Checkpoint { file, schema, slot_bytes, sequence, buffer }, state))
+        let (checkpoint, restored) = Checkpoint::restore(path, schema, capacity)?;
+        Ok((checkpoint, restored.state))
+    }
+
+    /// As [`Checkpoint::open`], with what was refused.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Io`].
+    pub fn restore(
+        path: &Path,
+        schema: u32,
+        capacity: usize,
+    ) -> Result<(Checkpoint, Restored), CheckpointError> {
+        let (file, restored, next_slot) = open_slots(path, schema, capacity)?;
+        let slot_bytes = slot::bytes_for(capacity);
+        // SAFETY: the file is this instance's own, in a directory of its owner, and has its full length on
+        // the disk (`open_slots` reserves it); nobody truncates it while it is mapped. The keeper's thread
+        // reads it through system calls, not through this map.
+        #[allow(unsafe_code)]
+        let map = unsafe { MmapMut::map_mut(&file) }.map_err(CheckpointError::io(path))?;
+        let sequence = Arc::new(AtomicU64::new(restored.sequence));
+        let buffer = Vec::with_capacity(capacity);
+        Ok((
+            Checkpoint { map, file: Arc::new(file), schema, slot_bytes, sequence, next_slot, buffer },
+            restored,
+        ))
     }
 
     /// Saves a value, in postcard's encoding.
@@ -84,7 +122,6 @@ impl Checkpoint {
     pub fn save_value(&mut self, value: &impl serde::Serialize) -> Result<(), CheckpointError> {
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
-        buffer.resize(HEADER, 0);
         self.buffer = postcard::to_extend(value, buffer)?;
         self.write_slot()
     }
@@ -92,137 +129,110 @@ impl Checkpoint {
     /// Saves what `write` puts into the buffer; nothing is allocated once the buffer has grown.
     ///
     /// # Errors
-    /// [`CheckpointError::TooLarge`], [`CheckpointError::Io`].
+    /// [`CheckpointError::TooLarge`].
     pub fn save(&mut self, write: impl FnOnce(&mut Vec<u8>)) -> Result<(), CheckpointError> {
         self.buffer.clear();
-        self.buffer.resize(HEADER, 0);
         write(&mut self.buffer);
         self.write_slot()
     }
 
-    /// Writes the buffer, whose first bytes are room for the header, into the older slot.
+    /// Saves are numbered on from here: what was restored elsewhere is older than the next save.
+    pub fn number_from(&mut self, sequence: u64) {
+        self.sequence.fetch_max(sequence, Ordering::Relaxed);
+    }
+
+    /// Copies the buffer into the older slot: the state first, its header last.
     fn write_slot(&mut self) -> Result<(), CheckpointError> {
-        let bytes = self.buffer.len() - HEADER;
-        if self.buffer.len() > self.slot_bytes {
-            return Err(CheckpointError::TooLarge { bytes, slot: self.slot_bytes - HEADER });
+        let state = &self.buffer;
+        let room = self.slot_bytes - HEADER;
+        if state.len() > room {
+            return Err(CheckpointError::TooLarge { bytes: state.len(), slot: room });
         }
-        let sequence = self.sequence + 1;
-        let checksum = crc32fast::hash(&self.buffer[HEADER..]);
-        let header = header(self.schema, bytes, checksum, sequence);
-        self.buffer[..HEADER].copy_from_slice(&header);
-        let offset = (sequence % 2) * self.slot_bytes as u64;
-        let io = |cause| CheckpointError::Io { path: "(open file)".to_owned(), cause };
-        self.file.seek(SeekFrom::Start(offset)).map_err(io)?;
-        self.file.write_all(&self.buffer).map_err(io)?;
-        self.sequence = sequence;
+        let sequence = self.sequence.load(Ordering::Relaxed) + 1;
+        let header = slot::header(self.schema, state, sequence);
+        let begin = self.next_slot * self.slot_bytes;
+        let slot = &mut self.map[begin..begin + self.slot_bytes];
+        slot[HEADER..HEADER + state.len()].copy_from_slice(state);
+        // Not that it would be believed half: the checksum is over the whole state.
+        fence(Ordering::Release);
+        slot[..HEADER].copy_from_slice(&header);
+        self.next_slot = 1 - self.next_slot;
+        self.sequence.store(sequence, Ordering::Release);
         Ok(())
     }
 }
 
-fn header(schema: u32, bytes: usize, checksum: u32, sequence: u64) -> [u8; HEADER] {
-    let mut header = [0; HEADER];
-    header[..4].copy_from_slice(&MAGIC.to_le_bytes());
-    header[4..8].copy_from_slice(&schema.to_le_bytes());
-    header[8..16].copy_from_slice(&(bytes as u64).to_le_bytes());
-    header[16..20].copy_from_slice(&checksum.to_le_bytes());
-    // 20..24 guards the header itself, so that a torn header is never believed.
-    header[24..32].copy_from_slice(&sequence.to_le_bytes());
-    let mut guard = crc32fast::Hasher::new();
-    guard.update(&header[..20]);
-    guard.update(&header[24..32]);
-    let guard = guard.finalize();
-    header[20..24].copy_from_slice(&guard.to_le_bytes());
-    header
+/// What the file at `path` holds, without touching it.
+///
+/// # Errors
+/// [`CheckpointError::Io`].
+pub fn read(path: &Path, schema: u32, capacity: usize) -> Result<Restored, CheckpointError> {
+    let io = CheckpointError::io(path);
+    let mut whole = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(2 * slot::bytes_for(capacity) as u64).read_to_end(&mut whole))
+        .map_err(io)?;
+    Ok(newest(&whole, schema, capacity).0)
 }
 
-fn read_slot(slot: &[u8], schema: u32, capacity: usize) -> Option<(u64, &[u8])> {
-    let head = slot.get(..HEADER)?;
-    let word = |at: usize| Some(u32::from_le_bytes(head.get(at..at + 4)?.try_into().ok()?));
-    let long = |at: usize| Some(u64::from_le_bytes(head.get(at..at + 8)?.try_into().ok()?));
-    let bytes = usize::try_from(long(8)?).ok()?;
-    let (checksum, sequence) = (word(16)?, long(24)?);
-    if bytes > capacity || head != header(schema, bytes, checksum, sequence) {
-        return None;
+/// Where a file goes that holds nothing to go on from.
+pub fn refused_name(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".refused");
+    PathBuf::from(name)
+}
+
+/// Sets a file aside that cannot be gone on from, so that nothing that a person might want is overwritten.
+///
+/// # Errors
+/// [`CheckpointError::Io`].
+pub fn set_aside(path: &Path) -> Result<(), CheckpointError> {
+    std::fs::rename(path, refused_name(path)).map_err(CheckpointError::io(path))
+}
+
+/// The newest whole state of both slots, and the slot to write next.
+fn newest(whole: &[u8], schema: u32, capacity: usize) -> (Restored, usize) {
+    let (mut restored, mut next_slot) = (Restored::default(), 0);
+    let slot_bytes = slot::bytes_for(capacity);
+    for number in 0..2 {
+        let bytes = whole.get(number * slot_bytes..).unwrap_or_default();
+        let bytes = &bytes[..bytes.len().min(slot_bytes)];
+        match slot::read(bytes, schema, slot_bytes - HEADER) {
+            Ok(Some((sequence, state))) if sequence > restored.sequence => {
+                (restored.sequence, next_slot) = (sequence, 1 - number);
+                restored.state = Some(state.to_vec());
+            }
+            Ok(_) => {}
+            Err(refusal) => restored.refused.push((number, refusal)),
+        }
     }
-    let state = slot.get(HEADER..HEADER + bytes)?;
-    (crc32fast::hash(state) == checksum).then_some((sequence, state))
+    (restored, next_slot)
+}
+
+/// Opens or creates a file of two slots with all its bytes on the disk; what it held, and the slot to write
+/// next.
+fn open_slots(path: &Path, schema: u32, capacity: usize) -> Result<(File, Restored, usize), CheckpointError> {
+    let io = CheckpointError::io(path);
+    let open = || File::options().read(true).write(true).create(true).truncate(false).open(path);
+    let mut file = open().map_err(&io)?;
+    let mut whole = Vec::new();
+    let size = 2 * slot::bytes_for(capacity) as u64;
+    (&mut file).take(size).read_to_end(&mut whole).map_err(&io)?;
+    let (restored, next_slot) = newest(&whole, schema, capacity);
+    for (number, refusal) in &restored.refused {
+        tracing::warn!(file = %path.display(), slot = number, %refusal, "a saved state was refused");
+    }
+    if restored.state.is_none() && !restored.refused.is_empty() {
+        set_aside(path)?;
+        file = open().map_err(&io)?;
+    }
+    // Reserved, not only made long: a full disk must be an error now, not a SIGBUS at a save.
+    rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, size)
+        .or_else(|_| file.set_len(size).map_err(|_| rustix::io::Errno::NOSPC))
+        .map_err(|errno| io(errno.into()))?;
+    Ok((file, restored, next_slot))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
-mod tests {
-    use super::*;
-    use std::path::PathBuf;
-
-    struct Scratch(PathBuf);
-    impl Scratch {
-        fn new(name: &str) -> Scratch {
-            Scratch(std::env::temp_dir().join(format!("pursuit-checkpoint-{name}-{}", std::process::id())))
-        }
-    }
-    impl Drop for Scratch {
-        fn drop(&mut self) {
-            let _ = std::fs::remove_file(&self.0);
-        }
-    }
-
-    fn save(checkpoint: &mut Checkpoint, state: &[u8]) {
-        checkpoint.save(|buffer| buffer.extend_from_slice(state)).unwrap();
-    }
-
-    #[test]
-    fn the_last_saved_state_comes_back() {
-        let file = Scratch::new("last");
-        let (mut checkpoint, before) = Checkpoint::open(&file.0, 1, 100).unwrap();
-        assert!(before.is_none());
-        for n in 0..5u8 {
-            save(&mut checkpoint, &[n; 20]);
-        }
-        let (_, state) = Checkpoint::open(&file.0, 1, 100).unwrap();
-        assert_eq!(state.unwrap(), [4; 20]);
-    }
-
-    #[test]
-    fn a_file_cut_or_flipped_anywhere_gives_the_last_or_the_one_before_never_half() {
-        let file = Scratch::new("torn");
-        let (mut checkpoint, _) = Checkpoint::open(&file.0, 1, 40).unwrap();
-        for n in 1..=4u8 {
-            save(&mut checkpoint, &[n; 30]);
-        }
-        let whole = std::fs::read(&file.0).unwrap();
-        for at in 0..whole.len() {
-            for damage in [true, false] {
-                let mut bytes = whole.clone();
-                if damage {
-                    bytes[at] ^= 0x41;
-                } else {
-                    bytes.truncate(at);
-                }
-                std::fs::write(&file.0, &bytes).unwrap();
-                let (_, state) = Checkpoint::open(&file.0, 1, 40).unwrap();
-                if let Some(state) = state {
-                    assert!(state == [4; 30] || state == [3; 30], "half a state at byte {at}: {state:?}");
-                } else {
-                    assert!(!damage, "one flipped byte must not cost both slots (byte {at})");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn another_schema_is_not_believed() {
-        let file = Scratch::new("schema");
-        let (mut checkpoint, _) = Checkpoint::open(&file.0, 1, 100).unwrap();
-        save(&mut checkpoint, b"old");
-        assert!(Checkpoint::open(&file.0, 2, 100).unwrap().1.is_none());
-    }
-
-    #[test]
-    fn a_state_too_large_is_refused_and_the_old_one_kept() {
-        let file = Scratch::new("large");
-        let (mut checkpoint, _) = Checkpoint::open(&file.0, 1, 10).unwrap();
-        save(&mut checkpoint, b"small");
-        assert!(checkpoint.save(|buffer| buffer.extend_from_slice(&[0; 11])).is_err());
-        assert_eq!(Checkpoint::open(&file.0, 1, 10).unwrap().1.unwrap(), b"small");
-    }
-}
+mod tests;

@@ -199,7 +199,7 @@ fn a_reader_that_goes_away_is_no_error() {
 #[test]
 fn with_each_part_of_the_detector_switched_off_every_frame_is_answered() {
     let folder = Folder::with_frames("parts", 4);
-    for part in ["light", "search", "competition", "symmetric", "untuned"] {
+    for part in ["light", "search", "competition", "symmetric", "turn", "untuned"] {
         let detection = crate::check::detection(None, &[format!("vision.{part}=false")]).unwrap();
         let mut out = Vec::new();
         run(&folder.options(true), &detection, &mut out).unwrap();

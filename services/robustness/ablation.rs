@@ -72,6 +72,7 @@ fn variants() -> Vec<(&'static str, RobustParameters)> {
         ("no search", RobustParameters { search: false, ..full }),
         ("no competition", RobustParameters { competition: false, ..full }),
         ("one-sided centroid", RobustParameters { symmetric: false, ..full }),
+        ("no turning target", RobustParameters { turn: false, ..full }),
         ("no residual channel", RobustParameters { evidence: without_residual, ..full }),
     ]
 }

@@ -58,6 +58,7 @@ pub fn read(checker: &Checker<'_>) -> Detector {
     robust.search = section.flag_or("search", robust.search);
     robust.competition = section.flag_or("competition", robust.competition);
     robust.symmetric = section.flag_or("symmetric", robust.symmetric);
+    robust.turn = section.flag_or("turn", robust.turn);
     robust.evidence.untuned = section.flag_or("untuned", robust.evidence.untuned);
     Detector { mode, paper, robust }
 }

@@ -22,6 +22,7 @@ pub mod model;
 pub mod parameters;
 pub(crate) mod patch;
 pub(crate) mod search;
+pub(crate) mod turn;
 pub(crate) mod warp;
 
 use competition::Competition;

@@ -1,11 +1,12 @@
 //! From evidence to what moves on its own: blobs over the threshold, the motion of each, and what speaks for
 //! and against it.
 
-use super::competition::{LevelPair, MAX_CANDIDATES, MAX_PATCH, Winner};
+use super::competition::{How, LevelPair, MAX_CANDIDATES, MAX_PATCH, Winner};
 use super::confidence;
 use super::findings::{Candidate, Findings};
 use super::map::Area;
 use super::model::GlobalMotion;
+use super::parameters::RobustParameters;
 use super::patch::{Place, RUN};
 use super::{MAX_TARGETS, RobustEngine};
 use crate::FIELDS;
@@ -141,7 +142,8 @@ impl RobustEngine {
             let newer = &self.pair.newer.levels[k];
             let pair = LevelPair { older: &self.warped[k], newer, spans: &self.spans[k] };
             let longer = area.iter().map(|(first, end)| (end - first) >> k).max().unwrap_or(0);
-            let how = (self.parameters.symmetric, longer <= SMALL);
+            let RobustParameters { symmetric, turn, .. } = self.parameters;
+            let how = How { symmetric, turn, small: longer <= SMALL };
             let Some(found) = self.competition.decide(pair, place, (&tried[..count], known), how) else {
                 break;
             };

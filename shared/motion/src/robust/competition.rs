@@ -2,6 +2,7 @@
 //! which pixels it explains (design notes on vision, section 6 R8, R9).
 
 use super::patch::{Lines, Place, RUN, advantage, blur, least_squares, score, shifted, valid};
+use super::turn::Rigid;
 use super::warp::Span;
 use crate::blobs::Flood;
 use crate::pyramid::Level;
@@ -22,6 +23,12 @@ const MASK_TYPICAL: f32 = 0.2;
 const LEAST_PIXELS: usize = 8;
 /// Least-squares steps.
 const STEPS: usize = 4;
+/// ... where it may also turn: the mask grows from one to the next.
+const TURN_STEPS: usize = 8;
+/// A smaller target, pixels, is not asked whether it turns: all of it is near its middle.
+const LEAST_TURNING: f32 = 100.0;
+/// A turn must explain so much more than the translation alone; noise explains a little.
+const TURN_GAIN: f32 = 1.05;
 
 /// What the competition found, in px of the level.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +45,19 @@ pub(crate) struct Winner {
     pub(crate) spread: [f32; 3],
     /// Columns and rows of the mask (first, end).
     pub(crate) extent: [(i32, i32); 2],
+    /// How much less the motion leaves in the mask than the background's does, grey levels.
+    gain: f32,
+}
+
+/// How a blob is looked at.
+#[derive(Clone, Copy)]
+pub(crate) struct How {
+    /// From both frames.
+    pub(crate) symmetric: bool,
+    /// The target may turn.
+    pub(crate) turn: bool,
+    /// The blob is so small that the mask must be looked at closely.
+    pub(crate) small: bool,
 }
 
 /// One level of the compensated pair.
@@ -94,10 +114,10 @@ impl Competition {
         pair: LevelPair<'_>,
         place: Place,
         (candidates, known): (&[[f32; 2]], Option<[f32; 2]>),
-        (symmetric, small): (bool, bool),
+        how: How,
     ) -> Option<Winner> {
         let n = place.pixels();
-        self.small = small;
+        self.small = how.small;
         shifted(pair.newer, place, [0.0; 2], &mut self.newer, &mut self.lines);
         shifted(pair.older, place, [0.0; 2], &mut self.older, &mut self.lines);
         for ((r, a), b) in self.rest[..n].iter_mut().zip(&self.older).zip(&self.newer) {
@@ -108,7 +128,15 @@ impl Competition {
             Some(motion) => motion,
             None => self.best_motion(pair, place, candidates)?,
         };
-        self.measure(pair, place, motion, symmetric)
+        let moved = self.measure(pair, place, Rigid::translation(motion), how.symmetric)?;
+        if !how.turn {
+            return Some(moved);
+        }
+        let turned = self.refine_turn(pair, place, &moved).and_then(|rigid| {
+            let turned = self.measure(pair, place, rigid, how.symmetric)?;
+            (turned.gain > TURN_GAIN * moved.gain).then_some(turned)
+        });
+        Some(turned.unwrap_or(moved))
     }
 
     /// Outside of what both frames show there is nothing to explain.
@@ -194,6 +222,29 @@ impl Competition {
         u
     }
 
+    /// The motion with a turn about where it was `found` without one.
+    fn refine_turn(&mut self, pair: LevelPair<'_>, place: Place, found: &Winner) -> Option<Rigid> {
+        const BOX: [f32; 4] = [1.0 / 7.0; 4];
+        if found.area < LEAST_TURNING {
+            return None;
+        }
+        let n = place.pixels();
+        let reach = (found.spread[0] + found.spread[2]).sqrt();
+        let mut rigid = Rigid { motion: found.motion, turn: 0.0, centre: found.position };
+        for _ in 0..TURN_STEPS {
+            rigid.moved(pair.older, place, &mut self.trial, &mut self.lines);
+            let greys = (&self.rest[..n], &self.trial[..n], &self.newer[..n]);
+            advantage(greys, (pair.spans, place, rigid.motion), &mut self.better);
+            blur(&self.better, place, &BOX, &mut self.blurred, &mut self.lines);
+            let scale = self.residual_scale(n);
+            let greys = (&self.trial[..n], &self.newer[..n], &self.blurred[..n]);
+            if rigid.correct(greys, place, scale, reach)? < 0.02 {
+                break;
+            }
+        }
+        (rigid.turn.abs() * reach > LEAST_SPEED).then_some(rigid)
+    }
+
     /// Twice the robust deviation of what the motion leaves where it explains something.
     fn residual_scale(&mut self, n: usize) -> f32 {
         self.sorted.clear();
@@ -211,22 +262,32 @@ impl Competition {
     }
 
     /// Mask, centroid, area; with `symmetric` the mean of the centroids in both frames.
-    fn measure(&mut self, pair: LevelPair<'_>, place: Place, u: [f32; 2], symmetric: bool) -> Option<Winner> {
-        shifted(pair.older, place, u, &mut self.trial, &mut self.lines);
-        self.find_mask(pair.spans, place, u, true);
+    fn measure(
+        &mut self,
+        pair: LevelPair<'_>,
+        place: Place,
+        rigid: Rigid,
+        symmetric: bool,
+    ) -> Option<Winner> {
+        rigid.moved(pair.older, place, &mut self.trial, &mut self.lines);
+        self.find_mask(pair.spans, place, rigid.motion, true);
         let here = self.component(place)?;
+        let inverse = rigid.inverse();
         let back = symmetric.then(|| {
             // The same in the older frame, which the newer explains when it moves back.
-            shifted(pair.newer, place, [-u[0], -u[1]], &mut self.trial, &mut self.lines);
-            self.find_mask(pair.spans, place, [-u[0], -u[1]], false);
+            inverse.moved(pair.newer, place, &mut self.trial, &mut self.lines);
+            self.find_mask(pair.spans, place, inverse.motion, false);
             self.component(place)
         });
         let mut position = here.position;
         if let Some(back) = back.flatten().filter(|back| (0.4..2.5).contains(&(back.area / here.area))) {
             // Uncovered background biases both the same way.
-            position = std::array::from_fn(|i| (here.position[i] + back.position[i] + u[i]) / 2.0);
+            let came_to = inverse.origin_of(back.position);
+            position = std::array::from_fn(|i| (here.position[i] + came_to[i]) / 2.0);
         }
-        Some(Winner { position, motion: u, ..here })
+        let was = rigid.origin_of(position);
+        let motion = std::array::from_fn(|i| position[i] - was[i]);
+        Some(Winner { position, motion, ..here })
     }
 
     /// `self.blurred`: how much more `trial` explains than the background's motion, of what both leave.
@@ -287,6 +348,7 @@ impl Competition {
             motion: [0.0; 2],
             area: count,
             explained: explained / rest.max(1e-6),
+            gain: explained,
             extent: self.extent(place),
             spread: [
                 mean(&|i| from_centre(i)[0].powi(2)),

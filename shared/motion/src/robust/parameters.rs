@@ -18,6 +18,8 @@ pub struct RobustParameters {
     pub competition: bool,
     /// Average the mask's centroid with that of the older frame.
     pub symmetric: bool,
+    /// Let the target turn while it moves.
+    pub turn: bool,
     /// The evidence.
     pub evidence: EvidenceParameters,
     /// Evidence over the threshold from which there may be a target.
@@ -73,6 +75,7 @@ impl Default for RobustParameters {
             search: true,
             competition: true,
             symmetric: true,
+            turn: true,
             evidence: EvidenceParameters::default(),
             // Weak candidates cannot be targets of one pair, but may be those of a track.
             cut: 0.6,

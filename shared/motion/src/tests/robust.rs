@@ -343,3 +343,34 @@ fn the_fields_of_robust_mode_fit_their_room_and_are_0_without_an_answer() {
         assert!(used(&fields).iter().all(|&vote| vote == 0.0), "{size:?}");
     }
 }
+
+/// Place error and share of the area that was found of a target that turns by 0.15 rad while it moves.
+fn turning(seed: u64, turn: bool) -> (f64, f64) {
+    let waves = Waves::new(30.0, 500 + seed);
+    let still = Shot { noise: (2.0, seed), ..Shot::still(512, 400) };
+    let older = still.with_spot(250.0, 210.0, 40.0).taken(&waves);
+    let shot = Shot { noise: (2.0, 90 + seed), ..still.panned(-3.0, 2.0) }.with_spot(255.0, 206.0, 40.0);
+    let newer = shot.turned(0.15).taken(&waves);
+    let parameters = RobustParameters { turn, ..RobustParameters::default() };
+    let mut engine = RobustEngine::new(512, 400, &parameters).unwrap();
+    let found = engine.detect(Older::Frame(older.image()), newer.image(), &mut NoProbe);
+    let target = found.target(CONFIDENT).expect("a target");
+    let area = std::f64::consts::PI * 40.0 * 40.0;
+    ((target.u - 255.0).hypot(target.v - 206.0), target.area_px / area)
+}
+
+#[test]
+fn a_target_that_turns_is_seen_whole_and_where_it_is() {
+    let mut errors = [Vec::new(), Vec::new()];
+    for seed in 0..8 {
+        for (errors, turn) in errors.iter_mut().zip([false, true]) {
+            let (error, share) = turning(seed, turn);
+            println!("seed {seed}, turn {turn}: {error:.2} px off, {share:.2} of the area");
+            assert!(!turn || (error < 3.0 && (0.7..1.4).contains(&share)));
+            errors.push(error);
+        }
+    }
+    let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
+    let [without, with] = errors.each_ref().map(|errors| mean(errors));
+    assert!(with < 0.5 * without, "{with:.2} px off with turns, {without:.2} without");
+}

@@ -40,6 +40,8 @@ impl Waves {
 pub(crate) struct Spot {
     pub(crate) centre: [f64; 2],
     pub(crate) radius: f64,
+    /// From x to y, rad.
+    pub(crate) turn: f64,
 }
 
 /// What a frame is made of.
@@ -66,7 +68,12 @@ impl Shot {
     }
 
     pub(crate) fn with_spot(self, u: f64, v: f64, radius: f64) -> Shot {
-        Shot { spot: Some(Spot { centre: [u, v], radius }), ..self }
+        Shot { spot: Some(Spot { centre: [u, v], radius, turn: 0.0 }), ..self }
+    }
+
+    /// Its spot turned by this, rad.
+    pub(crate) fn turned(self, turn: f64) -> Shot {
+        Shot { spot: self.spot.map(|spot| Spot { turn, ..spot }), ..self }
     }
 
     /// The background's displacement that ends at (u, v), from the documented formula.
@@ -87,11 +94,13 @@ impl Shot {
             let (x, y) = (x as f64, y as f64);
             let (u, v) = self.displacement(x, y);
             let mut grey = waves.at(x - u, y - v);
-            if let Some(Spot { centre: [cu, cv], radius }) = self.spot {
+            if let Some(Spot { centre: [cu, cv], radius, turn }) = self.spot {
                 let (dx, dy) = (x - cu, y - cv);
                 // The edge pixels are shared.
                 let cover = (radius - dx.hypot(dy) + 0.5).clamp(0.0, 1.0);
                 if cover > 0.0 {
+                    let (sin, cos) = turn.sin_cos();
+                    let (dx, dy) = (cos * dx + sin * dy, cos * dy - sin * dx);
                     grey += cover * (waves.at(dx + 3333.3, dy - 777.7) - grey);
                 }
             }

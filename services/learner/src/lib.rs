@@ -24,11 +24,12 @@ pub mod step;
 pub mod tracking;
 mod training;
 
+use config::Parameters;
 use history::JointHistory;
 use pursuit_bus::{Message, wait};
 use pursuit_messages::topics::{JointStates, LearnerStates, SetPoints, Targets};
 use pursuit_messages::{Service, SetPoint, Stage};
-use pursuit_runtime::checkpoint::Checkpoint;
+use pursuit_runtime::checkpoint::{Checkpoint, refused_name};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
@@ -36,6 +37,7 @@ use refitter::Refitter;
 use refusals::Refused;
 use section::Config;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use step::{Input, Learner, Output};
 
 /// Version of the saved state.
@@ -60,7 +62,7 @@ struct Saved<L> {
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
     let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
-    let (mut epoch, mut learner) = restore(saved, &config);
+    let (mut epoch, mut learner) = restore(saved, &config, &station.checkpoint_file());
     let mut refitter =
         Refitter::start().map_err(|e| ServiceError::Other(format!("no thread for refits: {e}")))?;
     refitter.begin(&learner);
@@ -124,23 +126,65 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     Ok(())
 }
 
-/// The saved learner, or an untrained one where there is none or it was made with other parameters.
-fn restore(saved: Option<Vec<u8>>, config: &Config) -> (u64, Learner) {
-    let saved: Option<Saved<Learner>> = saved.and_then(|bytes| postcard::from_bytes(&bytes).ok());
-    match saved {
-        Some(saved) if *saved.learner.parameters() == config.parameters => {
+/// Goes on with the saved learner; without one, or with one that cannot be used, untrained. What cannot be used
+/// is kept beside the checkpoint at `file`.
+fn restore(saved: Option<Vec<u8>>, config: &Config, file: &Path) -> (u64, Learner) {
+    let untrained = || (0, Learner::new(&config.parameters, config.run.seed));
+    let Some(bytes) = saved else { return untrained() };
+    match usable(&bytes, &config.parameters) {
+        Ok(saved) => {
             tracing::info!("going on with what was learnt before");
             (saved.epoch, saved.learner)
         }
-        Some(_) => {
-            tracing::warn!("the saved learner has other parameters: starting untrained");
-            (0, Learner::new(&config.parameters, config.run.seed))
+        Err(why) => {
+            let kept = refused_name(file);
+            let kept = std::fs::copy(file, &kept).map_or_else(
+                |error| format!("and cannot be kept ({error})"),
+                |_| format!("kept as {}", kept.display()),
+            );
+            tracing::warn!("the saved learner {why}; {kept}; starting untrained");
+            untrained()
         }
-        None => (0, Learner::new(&config.parameters, config.run.seed)),
     }
+}
+
+/// The learner in a saved state, or why it is none.
+fn usable(bytes: &[u8], parameters: &Parameters) -> Result<Saved<Learner>, String> {
+    let saved: Saved<Learner> =
+        postcard::from_bytes(bytes).map_err(|error| format!("cannot be read: {error}"))?;
+    if *saved.learner.parameters() != *parameters {
+        return Err("has other parameters than the config".to_owned());
+    }
+    if !saved.learner.network().is_sound() {
+        return Err("has weights that are not finite or absurd".to_owned());
+    }
+    Ok(saved)
 }
 
 fn save(checkpoint: &mut Checkpoint, epoch: u64, learner: &Learner) -> Result<(), ServiceError> {
     checkpoint.save_value(&Saved { epoch, learner })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_saved_learner_that_cannot_be_used_is_refused_by_name() {
+        let parameters = Parameters::default();
+        let bytes =
+            postcard::to_allocvec(&Saved { epoch: 3, learner: Learner::new(&parameters, 7) }).unwrap();
+        assert_eq!(usable(&bytes, &parameters).map(|saved| saved.epoch), Ok(3));
+        let refused = |bytes: &[u8], parameters: &Parameters| usable(bytes, parameters).map(|s| s.epoch);
+        assert!(refused(&bytes[..bytes.len() / 2], &parameters).unwrap_err().contains("cannot be read"));
+        let other = Parameters { training_moves: 99, ..parameters };
+        assert!(refused(&bytes, &other).unwrap_err().contains("other parameters"));
+        let mut weights = [0.0; pursuit_learning::WEIGHTS];
+        Learner::new(&parameters, 7).network().export(&mut weights);
+        let at = bytes.windows(8).position(|eight| eight == weights[0].to_le_bytes()).unwrap();
+        let mut spoilt = bytes.clone();
+        spoilt[at..at + 8].copy_from_slice(&f64::NAN.to_le_bytes());
+        assert!(refused(&spoilt, &parameters).unwrap_err().contains("not finite"));
+    }
 }

@@ -135,7 +135,9 @@ fn prepare(plan: &Plan, instance: &Instance) -> Result<(), SupervisorError> {
 /// Removes the files of an earlier run, by name: whatever else is in the directory is not ours.
 fn sweep(directory: &Path) {
     let of_services = Service::ALL.into_iter().flat_map(|service| {
-        [children::log_file(directory, service), directory.join(place::checkpoint(service.name()))]
+        let checkpoint = directory.join(place::checkpoint(service.name()));
+        let refused = pursuit_runtime::checkpoint::refused_name(&checkpoint);
+        [children::log_file(directory, service), checkpoint, refused]
     });
     let of_the_run = [place::CONFIG, place::CONTROL, place::JOURNAL, place::MOVES, place::TRAJECTORY];
     for file in of_the_run.map(|name| directory.join(name)).into_iter().chain(of_services) {

@@ -15,6 +15,7 @@ use pursuit_segmentation::step::Segmenter;
 use pursuit_simulator::cell::{Cell, Fixed};
 use pursuit_simulator::journal::{MoveRecord, Record};
 use pursuit_vision::eye::Eye;
+use std::collections::VecDeque;
 
 /// Lock-step has one epoch; the simulator's is the same.
 const EPOCH: u64 = 1;
@@ -129,7 +130,9 @@ struct Eyes {
     segmenter: Segmenter,
     votes: Box<Votes>,
     newer: Vec<u8>,
-    older: Option<Vec<u8>>,
+    /// The frames before, the newest at the back, at most as many as the baseline.
+    older: VecDeque<Vec<u8>>,
+    baseline: usize,
     size: (usize, usize),
 }
 
@@ -143,7 +146,8 @@ impl Eyes {
             segmenter: Segmenter::new(&checked.segmentation),
             votes: Box::default(),
             newer: vec![0; size.0 * size.1],
-            older: None,
+            older: VecDeque::new(),
+            baseline: checked.vision.baseline as usize,
             size,
         })
     }
@@ -152,16 +156,20 @@ impl Eyes {
         let (width, height) = self.size;
         self.scene.render(&view_of(world, frame), &mut self.newer, width).map_err(|e| e.to_string())?;
         let newer = Image::new(&self.newer, width, height, width).map_err(|e| e.to_string())?;
-        let older = match &self.older {
-            Some(pixels) => {
-                Older::LastNewer(Image::new(pixels, width, height, width).map_err(|e| e.to_string())?)
-            }
+        let older = match self.older.front() {
             None => Older::Missing,
+            Some(pixels) => {
+                let image = Image::new(pixels, width, height, width).map_err(|e| e.to_string())?;
+                // With a baseline of one frame it is what the engine saw last.
+                if self.baseline == 1 { Older::LastNewer(image) } else { Older::Frame(image) }
+            }
         };
-        self.eye.look(older, newer, u32::from(frame > 0), &mut self.votes, &mut NoProbe);
+        self.eye.look(older, newer, self.older.len() as u32, &mut self.votes, &mut NoProbe);
         let target = self.segmenter.answer((EPOCH, frame), &self.votes, Some(newer));
-        let older = self.older.get_or_insert_with(|| vec![0; width * height]);
-        std::mem::swap(older, &mut self.newer);
+        let full = self.older.len() == self.baseline;
+        let free = if full { self.older.pop_front() } else { None };
+        let free = free.unwrap_or_else(|| vec![0; width * height]);
+        self.older.push_back(std::mem::replace(&mut self.newer, free));
         Ok(target)
     }
 }

@@ -9,6 +9,7 @@ use crate::moment::Moment;
 use crate::refusals::Refused;
 use crate::rest::nanos;
 use crate::step::Learner;
+use std::cmp::Ordering;
 use std::time::Duration;
 
 /// What is learnt in one go, as from one move of training: then it is judged, and a refit becomes due.
@@ -60,6 +61,16 @@ impl Default for Lessons {
     }
 }
 
+/// What became of the landmark.
+enum Followed {
+    /// Seen again.
+    Into(View),
+    /// The next pair that begins where it was seen last will show it.
+    NotYet,
+    /// No pair will.
+    Lost,
+}
+
 impl Lessons {
     /// Whether the map foretells how the image moves.
     pub(crate) fn consistent(&self) -> bool {
@@ -72,11 +83,17 @@ impl Lessons {
     }
 
     /// The landmark's next view, if it could be followed into this frame.
-    fn follow(&mut self, moment: &Moment, rotation_sign: f64) -> Result<Option<View>, Refused> {
-        let Some((mut landmark, frame)) = self.landmark.take() else { return Ok(None) };
-        let Some(background) = moment.background else { return Ok(None) };
-        if frame + background.frames != moment.frame {
-            return Ok(None);
+    fn follow(&mut self, moment: &Moment, rotation_sign: f64) -> Result<Followed, Refused> {
+        let Some((mut landmark, frame)) = self.landmark.take() else { return Ok(Followed::Lost) };
+        let Some(background) = moment.background else { return Ok(Followed::Lost) };
+        match (frame + background.frames).cmp(&moment.frame) {
+            Ordering::Equal => {}
+            // Pairs overlap: this one begins before the frame in which the landmark was seen last.
+            Ordering::Greater => {
+                self.landmark = Some((landmark, frame));
+                return Ok(Followed::NotYet);
+            }
+            Ordering::Less => return Ok(Followed::Lost),
         }
         let turned = -rotation_sign * (moment.joints[0] - landmark.view().joints[0]);
         if background.turn_rad.is_some_and(|turn| (turn - turned).abs() > TURN_TOLERANCE_RAD) {
@@ -84,7 +101,7 @@ impl Lessons {
         }
         landmark.advance(background.shift_px, (moment.joints, moment.velocities), rotation_sign);
         self.landmark = Some((landmark, moment.frame));
-        Ok(Some(*landmark.view()))
+        Ok(Followed::Into(*landmark.view()))
     }
 
     /// Takes in how wrong the map was about the newest motion.
@@ -109,7 +126,8 @@ impl Learner {
         }
         let mut lessons = self.lessons;
         match lessons.follow(moment, self.parameters.learning.rotation_sign) {
-            Ok(Some(view)) => {
+            Ok(Followed::NotYet) => {}
+            Ok(Followed::Into(view)) => {
                 self.time(moment.sighting(view), &moment.normalisation);
                 if let Some(error) = self.trainer.observe(view, &moment.normalisation) {
                     let trusted = lessons.consistent;

@@ -19,6 +19,12 @@ const MAX_GAP_S: f64 = 1.0;
 const FRESH: [f64; 2] = [100.0, 100.0];
 /// Range of the measured noise of a detection, px.
 const NOISE_RANGE_PX: [f64; 2] = [0.7, 8.0];
+/// Detections nearer to each other than this, s, have one error in common: they are of pairs of frames that
+/// overlap, and of a target that shows the same side. Noise is measured on detections so far apart, and each
+/// of several within that time tells its share.
+const ALIKE_S: f64 = 0.04;
+/// Frames do not come to the nanosecond.
+const NEARLY: f64 = 0.9;
 /// Time over which the noise of detections is measured, s.
 const NOISE_MEMORY_S: f64 = 4.0;
 /// A target of which a part is not seen is not where its seen part is: standard deviation for what is
@@ -89,7 +95,10 @@ struct Noise {
     claimed_px2: f64,
     /// The largest visible area of late, px².
     whole_px2: f64,
+    /// Detections at least nearly [`ALIKE_S`] apart, the newest first.
     last: [[f64; 2]; 3],
+    /// Time since the newest of them, s.
+    passed_s: f64,
     count: u32,
 }
 
@@ -127,6 +136,7 @@ impl Follower {
                 claimed_px2: sighting.claimed_px2,
                 whole_px2: sighting.area_px2,
                 last: [sighting.point_px; 3],
+                passed_s: 0.0,
                 count: 1,
             },
         }
@@ -139,7 +149,7 @@ impl Follower {
             *self = Follower::at(sighting, self.noise.variance_px2);
             return true;
         }
-        let variance = self.noise.of(sighting);
+        let variance = self.noise.of(sighting) * (ALIKE_S / gap_s.max(1e-3)).max(1.0);
         let mut next = self.mixed(gap_s);
         let (mut nearest, mut total) = (f64::INFINITY, 0.0);
         for (belief, mode) in next.iter_mut().zip(MOTIONS) {
@@ -289,6 +299,12 @@ impl Noise {
         let share = (gap_s / NOISE_MEMORY_S).min(0.1);
         self.claimed_px2 += share * (sighting.claimed_px2 - self.claimed_px2);
         self.whole_px2 = (self.whole_px2 * (-gap_s / AREA_MEMORY_S).exp()).max(sighting.area_px2);
+        self.passed_s += gap_s;
+        if self.passed_s < NEARLY * ALIKE_S {
+            return;
+        }
+        let share = (self.passed_s / NOISE_MEMORY_S).min(0.1);
+        self.passed_s = 0.0;
         let [newest, middle, oldest] = self.last;
         if self.count >= 3 {
             for axis in 0..2 {

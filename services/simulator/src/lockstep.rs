@@ -4,19 +4,22 @@ use crate::cell::{Cell, Fixed};
 use crate::config::Config;
 use crate::journal::{MAX_ENDLESS_BYTES, MoveRecord, Record};
 use pursuit_bus::{Publisher, Subscriber, wait};
-use pursuit_messages::topics::{LearnerStates, WorldCommands, WorldStates};
+use pursuit_messages::topics::{LearnerStates, MAX_BASELINE, WorldCommands, WorldStates};
 use pursuit_messages::{LearnerState, Stamp, WorldCommand, WorldState};
 use pursuit_runtime::checkpoint::Checkpoint;
 use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
 use pursuit_runtime::settings::Pace;
 use pursuit_runtime::{ServiceError, Station, TICK, place};
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 
 /// Time after which an unanswered frame is asked for again, ns. An answer takes some ms; a loaded
 /// machine may be slow, and a frame asked for twice is answered twice, the same way.
 const ASK_AGAIN_NS: u64 = 100_000_000;
+/// Frames that are shown before one that is asked for again: the rest of vision's pair.
+const SHOWN_AGAIN: usize = MAX_BASELINE as usize;
 /// Lock-step epochs have no start time: the same run has the same epoch.
 const EPOCH: u64 = 1;
 /// Version of what is checkpointed.
@@ -41,14 +44,17 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
     let commands = station.bus.subscriber(WorldCommands)?;
     let learner = station.bus.subscriber(LearnerStates)?;
     let anchor_ns = monotonic_ns().saturating_sub(cell.time_ns);
-    let mut before: Option<Question> = None;
+    let mut before: VecDeque<Question> = VecDeque::with_capacity(SHOWN_AGAIN + 1);
     while !cell.is_finished(&fixed) {
         let question = Question::of(&cell, &fixed, config);
         let ports = (&worlds, &commands, &learner);
-        let Some((stamp, command, state)) = ask(&mut station, &question, before.as_ref(), ports)? else {
+        let Some((stamp, command, state)) = ask(&mut station, &question, &before, ports)? else {
             return Ok(());
         };
-        before = Some(question);
+        before.push_back(question);
+        if before.len() > SHOWN_AGAIN {
+            before.pop_front();
+        }
         let (mut record, finished_move) =
             cell.take(&fixed, cell.frame, &command, Some(&state)).map_err(other)?;
         record.take_times(&stamp);
@@ -84,11 +90,11 @@ impl Question {
 /// Publishes the present frame's world and waits for its command, asking again from time to time; the
 /// learner's state after that frame comes with it. `None` when the service shall stop.
 ///
-/// Who asks again shows the frame before first: a restarted vision needs both.
+/// Who asks again shows the frames before first: a restarted vision needs them.
 fn ask(
     station: &mut Station,
     question: &Question,
-    before: Option<&Question>,
+    before: &VecDeque<Question>,
     (worlds, commands, learner): Ports<'_>,
 ) -> Result<Option<(Stamp, WorldCommand, LearnerState)>, ServiceError> {
     let mut asked_ns = 0;
@@ -96,7 +102,7 @@ fn ask(
     while station.turn() {
         let now = monotonic_ns();
         if now >= asked_ns + ASK_AGAIN_NS {
-            if let Some(before) = before.filter(|_| asked_ns > 0) {
+            for before in before.iter().filter(|_| asked_ns > 0) {
                 worlds.publish(&before.stamp, &before.state)?;
             }
             asked_ns = now;

@@ -2,6 +2,7 @@
 
 use pursuit_config::Checker;
 use pursuit_messages::VisionMode;
+use pursuit_messages::topics::MAX_BASELINE;
 use pursuit_motion::{MotionModel, Parameters, RobustParameters, Smoothing};
 use pursuit_runtime::settings;
 
@@ -14,8 +15,14 @@ pub struct Config {
     pub camera: settings::Camera,
     /// What looks at the frames.
     pub detector: Detector,
+    /// Frames from the older one of a pair to the newest, where all of them are there; 1 to
+    /// [`MAX_BASELINE`].
+    pub baseline: u64,
 }
 
+/// Time from the older frame of a pair to the newest, ms: the paper's period, in which a target at 0.1 m/s
+/// moves 4 px.
+const BASELINE_MS: f64 = 80.0;
 /// A detector and its parameters; those of the other mode are not used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detector {
@@ -32,8 +39,14 @@ impl Config {
     pub fn read(checker: &Checker<'_>) -> Config {
         let run = settings::Run::read(checker);
         let camera = settings::Camera::read(checker);
-        Config { run, camera, detector: read(checker) }
+        let baseline_ms = checker.section("vision").float_or("baseline_ms", 1.0..=1000.0, BASELINE_MS);
+        Config { run, camera, detector: read(checker), baseline: baseline(baseline_ms, camera.rate_hz) }
     }
+}
+
+/// The number of frames that comes nearest to a time.
+fn baseline(wanted_ms: f64, rate_hz: f64) -> u64 {
+    ((wanted_ms * 1e-3 * rate_hz).round() as u64).clamp(1, MAX_BASELINE)
 }
 
 /// Reads `[vision]` alone, for who has no camera (`pursuit detect`).

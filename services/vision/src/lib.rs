@@ -1,6 +1,6 @@
 //! Vision: from a pair of frames to the 12 signed vote fields, and in robust mode to what moves on its own.
 //!
-//! A frame's way: FRAMES (read in place) → with the frame before: pyramid, compensation of the camera's
+//! A frame's way: FRAMES (read in place) → with one a baseline before: pyramid, compensation of the camera's
 //! motion, derivatives, votes; in robust mode the competition of motions → VOTES (written in place).
 
 pub mod config;
@@ -31,7 +31,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         .map_err(|e| ServiceError::Other(e.to_string()))?;
     let votes = station.bus.publisher(VoteFields)?;
     let frames = station.bus.frame_subscriber()?;
-    let mut pairs = Pairs::default();
+    let mut pairs = Pairs::new(config.baseline);
     while station.turn() {
         wait(&[&frames], TICK)?;
         votes.greet_new_readers();
@@ -50,6 +50,10 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             }
             let begin = monotonic_ns();
             pairs.take(frame);
+            if config.run.clock == Clock::Lockstep && !pairs.is_complete() {
+                // Just started: the frames of before are on their way, or will be asked for again.
+                continue;
+            }
             let Some(pair) = pairs.pair() else { continue };
             let mut loan = votes.loan()?;
             look(&mut eye, &pair, loan.payload_mut()).map_err(|e| ServiceError::Other(e.to_string()))?;

@@ -1,9 +1,13 @@
-//! Which two frames are voted on: the newest and the one before, also when one is asked for again.
+//! Which two frames are voted on: the newest and one a baseline before, also when one is asked for again.
 
 use pursuit_bus::FrameMessage;
+use pursuit_messages::topics::MAX_BASELINE;
+use std::collections::VecDeque;
 
-/// Frames further apart than this are no pair: nothing is known of what happened in between.
-const MAX_INTERVAL: u64 = 4;
+/// Frames further apart than so many baselines are no pair: nothing is known of what happened in between.
+const MAX_BASELINES: u64 = 4;
+/// Frames that are held: the newest, and those up to a baseline before.
+const HELD: usize = MAX_BASELINE as usize + 1;
 
 /// Which frame, for all time: epoch and number.
 type Identity = (u64, u64);
@@ -12,11 +16,11 @@ fn identity(frame: &FrameMessage) -> Identity {
     (frame.stamp().epoch, frame.stamp().frame)
 }
 
-/// The newest frame and the one before, held in shared memory.
-#[derive(Default)]
+/// The last frames of an epoch, held in shared memory.
 pub struct Pairs {
-    older: Option<FrameMessage>,
-    newer: Option<FrameMessage>,
+    baseline: u64,
+    /// Rising numbers.
+    frames: VecDeque<FrameMessage>,
     /// What the engine saw last as the newest frame.
     voted: Option<Identity>,
 }
@@ -34,34 +38,52 @@ pub struct Pair<'a> {
 }
 
 impl Pairs {
+    /// Of frames `baseline` apart, 1 to [`MAX_BASELINE`], where there are such.
+    pub fn new(baseline: u64) -> Pairs {
+        Pairs { baseline, frames: VecDeque::with_capacity(HELD), voted: None }
+    }
+
     /// Takes a frame. One that is there already (asked for again after a restart elsewhere) is replaced
-    /// by its twin, so that the same pair gives the same answer; a new epoch begins anew.
+    /// by its twin, so that the same pair gives the same answer. A restarted camera shows its last frames
+    /// again: they take their place among the others. A new epoch begins anew.
     pub fn take(&mut self, frame: FrameMessage) {
         let (epoch, number) = identity(&frame);
-        match self.newer.as_ref().map(identity) {
-            Some(newest) if newest == (epoch, number) => self.newer = Some(frame),
-            Some(newest) if newest.0 == epoch && newest.1 < number => self.older = self.newer.replace(frame),
-            // A restarted camera shows its last two frames again, the older one first.
-            Some(newest) if newest.0 == epoch && newest.1 == number + 1 => self.older = Some(frame),
-            Some(newest) if newest.0 == epoch => {}
-            _ => {
-                self.older = None;
-                self.newer = Some(frame);
-            }
+        if self.frames.back().is_some_and(|newest| newest.stamp().epoch != epoch) {
+            self.frames.clear();
+        }
+        let place = self.frames.partition_point(|held| held.stamp().frame < number);
+        match self.frames.get_mut(place) {
+            Some(held) if held.stamp().frame == number => *held = frame,
+            _ => self.frames.insert(place, frame),
+        }
+        // Room for one more: what is not within a baseline of the newest frame is let go.
+        let newest = self.frames.back().map_or(number, |newest| newest.stamp().frame);
+        while self.frames.len() > 2 && self.frames[1].stamp().frame + self.baseline <= newest {
+            self.frames.pop_front();
         }
     }
 
-    /// The pair to vote on now; the caller votes on it.
+    /// Whether all frames of the newest one's pair are there, counting from frame 0. Only then does a frame
+    /// that comes again get the same answer.
+    pub fn is_complete(&self) -> bool {
+        let number = |frame: Option<&FrameMessage>| frame.map_or(0, |frame| frame.stamp().frame);
+        let (oldest, newest) = (number(self.frames.front()), number(self.frames.back()));
+        oldest == newest.saturating_sub(self.baseline)
+    }
+
+    /// The pair to vote on now; the caller votes on it. Its older frame is the newest of those that are at
+    /// least a baseline before, or, while there is none, the oldest.
     pub fn pair(&mut self) -> Option<Pair<'_>> {
-        let newer = self.newer.as_ref()?;
-        let (epoch, number) = identity(newer);
-        let older = self
-            .older
-            .as_ref()
-            .filter(|frame| frame.stamp().epoch == epoch && number - frame.stamp().frame <= MAX_INTERVAL);
+        let newer = self.frames.back()?;
+        let number = newer.stamp().frame;
+        // Of two, `take` keeps no more than one that is a baseline or more before.
+        let older = self.frames.front().filter(|older| {
+            let apart = number - older.stamp().frame;
+            (1..=MAX_BASELINES * self.baseline).contains(&apart)
+        });
         let interval = older.map_or(0, |frame| (number - frame.stamp().frame) as u32);
         let continues = older.is_some_and(|frame| self.voted == Some(identity(frame)));
-        self.voted = Some((epoch, number));
+        self.voted = Some(identity(newer));
         Some(Pair { older, newer, interval, continues })
     }
 }
@@ -116,7 +138,7 @@ mod tests {
     #[test]
     fn frames_in_a_row_are_pairs_that_continue() {
         let rig = Rig::new("a");
-        let mut pairs = Pairs::default();
+        let mut pairs = Pairs::new(1);
         pairs.take(rig.frame(1, 0));
         assert_eq!(seen(&mut pairs), (None, 0, 0, false));
         pairs.take(rig.frame(1, 1));
@@ -128,7 +150,7 @@ mod tests {
     #[test]
     fn a_frame_that_comes_again_is_the_same_pair() {
         let rig = Rig::new("b");
-        let mut pairs = Pairs::default();
+        let mut pairs = Pairs::new(1);
         pairs.take(rig.frame(1, 4));
         pairs.take(rig.frame(1, 5));
         seen(&mut pairs);
@@ -139,7 +161,7 @@ mod tests {
     #[test]
     fn a_restarted_camera_shows_its_last_two_frames_again() {
         let rig = Rig::new("c");
-        let mut pairs = Pairs::default();
+        let mut pairs = Pairs::new(1);
         pairs.take(rig.frame(1, 7));
         pairs.take(rig.frame(1, 8));
         seen(&mut pairs);
@@ -151,9 +173,40 @@ mod tests {
     }
 
     #[test]
+    fn pairs_are_a_baseline_apart_as_soon_as_that_can_be() {
+        let rig = Rig::new("e");
+        let mut pairs = Pairs::new(3);
+        let mut seen_after = |number| {
+            pairs.take(rig.frame(1, number));
+            let complete = pairs.is_complete();
+            assert_eq!(complete, number < 8, "frame {number}: 5 and 7 were passed over");
+            seen(&mut pairs)
+        };
+        let firsts: Vec<_> = (0..5).map(&mut seen_after).collect();
+        let expected = [None, Some(0), Some(0), Some(0), Some(1)];
+        assert_eq!(firsts.iter().map(|pair| pair.0).collect::<Vec<_>>(), expected);
+        assert_eq!(firsts.iter().map(|pair| pair.2).collect::<Vec<_>>(), [0, 1, 2, 3, 3]);
+        // The older one is never nearer than a baseline where there is another.
+        assert_eq!(seen_after(6), (Some(3), 6, 3, false));
+        assert_eq!(seen_after(8), (Some(4), 8, 4, false));
+    }
+
+    #[test]
+    fn who_comes_late_has_the_same_pair_when_the_last_frames_are_shown_again() {
+        let rig = Rig::new("f");
+        let (mut early, mut late) = (Pairs::new(3), Pairs::new(3));
+        (0..=20).for_each(|number| early.take(rig.frame(1, number)));
+        (17..=20).for_each(|number| late.take(rig.frame(1, number)));
+        assert_eq!(seen(&mut early), seen(&mut late));
+        // ... and shown again to the one that has them.
+        (17..=20).for_each(|number| early.take(rig.frame(1, number)));
+        assert_eq!(seen(&mut early), (Some(17), 20, 3, false));
+    }
+
+    #[test]
     fn a_new_epoch_and_a_long_gap_are_no_pair() {
         let rig = Rig::new("d");
-        let mut pairs = Pairs::default();
+        let mut pairs = Pairs::new(1);
         pairs.take(rig.frame(1, 7));
         pairs.take(rig.frame(2, 8));
         assert_eq!(seen(&mut pairs), (None, 8, 0, false));

@@ -15,6 +15,12 @@
 use crate::payload::*;
 use crate::world::*;
 
+/// The two frames that vision compares are at most so many frames apart. Who comes late finds as many before
+/// the newest.
+pub const MAX_BASELINE: u64 = 8;
+/// Frames that a pair of that baseline spans.
+const SPANNED: usize = MAX_BASELINE as usize + 1;
+
 /// How a topic is kept. All topics overflow: a slow or dead reader never blocks a writer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quality {
@@ -64,8 +70,8 @@ const fn kept(
 }
 
 topic!(
-    /// Camera frames, written once into the loaned sample.
-    Frames, [u8], "frames/v1", kept(2, 6, 4, 4, 2)
+    /// Camera frames, written once into the loaned sample. Vision holds those that its pair spans.
+    Frames, [u8], "frames/v1", kept(2, 6, SPANNED + 1, SPANNED + 3, SPANNED)
 );
 topic!(
     /// Vote fields of a frame pair.
@@ -89,7 +95,7 @@ topic!(
 );
 topic!(
     /// The simulated world.
-    WorldStates, WorldState, "world-state/v2", kept(2, 6, 16, 2, 2)
+    WorldStates, WorldState, "world-state/v2", kept(2, 6, 16, 2, SPANNED)
 );
 topic!(
     /// Commands to the simulated drives.

@@ -37,9 +37,10 @@ pub fn all(document: &Document) -> Result<Checked, Faults> {
     let learner = pursuit_learner::section::Config::read(&checker);
     let arm = pursuit_arm_driver::config::Config::read(&checker);
     let simulator = pursuit_simulator::config::Config::read(&checker);
+    let observer = pursuit_observer::config::Config::read(&checker);
     checker.finish(Scope::All)?;
     let arm = arm.unwrap_or_else(|| unreachable!("a missing coupling is a fault"));
-    Ok(Checked { acquisition, vision, segmentation, learner, arm, simulator })
+    Ok(Checked { acquisition, vision, segmentation, learner, arm, simulator, observer })
 }
 
 /// A config that has passed.
@@ -56,6 +57,8 @@ pub struct Checked {
     pub arm: pursuit_arm_driver::config::Config,
     /// Sections of the simulator.
     pub simulator: pursuit_simulator::config::Config,
+    /// Sections of the observer.
+    pub observer: pursuit_observer::config::Config,
 }
 
 /// What `pursuit detect` works with: `[vision]` and `[segmentation]`, all keys optional.

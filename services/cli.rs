@@ -23,7 +23,7 @@ pub enum Verb {
     Up(Up),
     /// One service in the foreground.
     Run {
-        /// simulator, acquisition, vision, segmentation, learner or arm-driver.
+        /// simulator, acquisition, vision, segmentation, learner, arm-driver or observer.
         service: String,
         /// Where the instance lives.
         #[command(flatten)]

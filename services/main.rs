@@ -69,6 +69,7 @@ fn serve(name: &str, directory: &Path) -> u8 {
         Service::Segmentation => pursuit_segmentation::run,
         Service::Learner => pursuit_learner::run,
         Service::ArmDriver => pursuit_arm_driver::run,
+        Service::Observer => pursuit_observer::run,
         Service::Supervisor => return exit::DO_NOT_RESTART,
     };
     match Station::start(service, directory).and_then(run) {

@@ -7,6 +7,7 @@ use crate::progress::Progress;
 use crate::report::Report;
 use pursuit_acquisition::config::Source;
 use pursuit_config::{Document, Faults};
+use pursuit_messages::Service;
 use pursuit_runtime::{exit, logging, place};
 use pursuit_simulator::journal::{MoveRecord, Record};
 use pursuit_supervisor::{Ended, Plan, SupervisorError};
@@ -88,7 +89,9 @@ pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u
         Progress::new(checked.learner.parameters.training_moves, checked.simulator.cell.frames);
     let frame_bytes = checked.acquisition.camera.shape().bytes();
     let bounded = checked.simulator.cell.frames > 0;
-    let plan = Plan { directory: directory.clone(), document, program, frame_bytes, bounded };
+    let observed = checked.observer.is_started();
+    let services = Service::ALL.into_iter().filter(|service| service.is_in_the_loop() || observed).collect();
+    let plan = Plan { directory: directory.clone(), document, program, services, frame_bytes, bounded };
     let mut restarts = 0;
     let ended = supervise(plan, |glance| {
         restarts = glance.services.iter().map(|s| s.restarts).sum();

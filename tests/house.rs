@@ -52,7 +52,7 @@ fn each_library_is_known_only_where_it_belongs() {
         ("rapier3d", &["shared/world"]),
         ("image", &["shared/images"]),
         ("toml", &["shared/config"]),
-        ("tokio", &["services/supervisor"]),
+        ("tokio", &["services/observer", "services/supervisor"]),
         ("nalgebra", &["shared/kinematics", "shared/motion", "shared/world"]),
     ];
     for (name, manifest) in crates() {

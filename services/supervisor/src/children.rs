@@ -42,13 +42,13 @@ struct OneChild {
 }
 
 impl Children {
-    /// Starts all services. One that cannot be started counts as died. In a `bounded` run one that is given
-    /// up ends the run.
-    pub fn start(program: &Path, directory: &Path, bounded: bool) -> Children {
+    /// Starts `services`. One that cannot be started counts as died. In a `bounded` run one that is given
+    /// up ends the run, if the loop needs it.
+    pub fn start(program: &Path, directory: &Path, services: &[Service], bounded: bool) -> Children {
         let now = monotonic_ns();
-        let all = Service::ALL
-            .into_iter()
-            .map(|service| OneChild {
+        let all = services
+            .iter()
+            .map(|&service| OneChild {
                 service,
                 process: None,
                 state: State::Starting,
@@ -98,7 +98,9 @@ impl Children {
             }
         }
         self.start_due(now_ns);
-        let given_up = self.all.iter().find(|child| child.state == State::GivenUp && self.bounded)?;
+        let ends_the_run =
+            |child: &&OneChild| child.state == State::GivenUp && child.service.is_in_the_loop();
+        let given_up = self.all.iter().find(ends_the_run).filter(|_| self.bounded)?;
         let last = last_line(&log_file(&self.directory, given_up.service));
         Some(Exit::Hopeless(format!("{} dies again and again: {last}", given_up.service.name())))
     }
@@ -204,7 +206,12 @@ impl OneChild {
         }
         if status.code() == Some(i32::from(DO_NOT_RESTART)) {
             let last = last_line(&log_file(directory, self.service));
-            return Some(Exit::Hopeless(format!("{service} cannot run: {last}")));
+            if self.service.is_in_the_loop() {
+                return Some(Exit::Hopeless(format!("{service} cannot run: {last}")));
+            }
+            self.state = State::GivenUp;
+            tracing::error!(service, "cannot run, the others go on without it: {last}");
+            return None;
         }
         if asked {
             self.restarts += 1;

@@ -41,6 +41,8 @@ pub struct Plan {
     pub document: Document,
     /// The program that knows `run SERVICE`.
     pub program: PathBuf,
+    /// Which services, in the order in which they are started and shown.
+    pub services: Vec<Service>,
     /// Bytes of a camera frame, for the memory budget.
     pub frame_bytes: usize,
     /// Whether the run has an end: then a service that is given up ends it.
@@ -156,7 +158,7 @@ async fn supervise(
     let bus = Bus::join(instance, Service::Supervisor.name())?;
     let _topics = bus.hold_all_topics()?;
     let healths = bus.subscriber(Healths)?;
-    let mut children = Children::start(&plan.program, &plan.directory, plan.bounded);
+    let mut children = Children::start(&plan.program, &plan.directory, &plan.services, plan.bounded);
     let mut watch_timer = tokio::time::interval(WATCH);
     watch_timer.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let (mut next_glance_ns, mut next_clean_ns) = (0, monotonic_ns() + CLEAN_NS);

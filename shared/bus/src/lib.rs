@@ -13,18 +13,21 @@
 mod error;
 mod instance;
 mod port;
+mod reader;
 
 pub use error::BusError;
 pub use instance::{Instance, InstanceError};
-pub use port::{
-    FrameLoan, FrameMessage, FramePublisher, FrameSubscriber, Loan, Message, Publisher, Subscriber, Wakes,
-    wait,
-};
+pub use port::{FrameLoan, FramePublisher, FrameSubscriber, Loan, Publisher, Subscriber, Wakes, wait};
+pub use reader::{FrameMessage, FrameReader, Message, Reader};
 
 use iceoryx2::prelude::*;
 use pursuit_messages::topics::{self, Quality, Topic};
 use pursuit_messages::{StageStamp, Stamp};
 use std::time::Duration;
+
+/// What a message can hold: plain data without pointers, of the same bytes in every process.
+pub trait Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static {}
+impl<P: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static> Payload for P {}
 
 pub(crate) type Ipc = ipc::Service;
 
@@ -91,6 +94,26 @@ impl Bus {
     /// As [`Bus::publisher`].
     pub fn frame_subscriber(&self) -> Result<FrameSubscriber, BusError> {
         FrameSubscriber::open(self)
+    }
+
+    /// A reader of topic `T` that its writers do not wake.
+    ///
+    /// # Errors
+    /// As [`Bus::subscriber`].
+    pub fn reader<T>(&self, _topic: T) -> Result<Reader<T>, BusError>
+    where
+        T: Topic,
+        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+    {
+        Reader::open(self)
+    }
+
+    /// A reader of FRAMES that acquisition does not wake.
+    ///
+    /// # Errors
+    /// As [`Bus::subscriber`].
+    pub fn frame_reader(&self) -> Result<FrameReader, BusError> {
+        FrameReader::open(self)
     }
 
     /// Gives back what dead processes left on the bus; how many were cleaned up.

@@ -1,18 +1,16 @@
 //! Writers and readers of topics.
 
+use crate::reader::{FrameMessage, FrameReader, Message, Reader};
 use crate::{Bus, BusError, Ipc, retry};
-use core::cell::Cell;
 use core::fmt::Debug;
 use core::mem::MaybeUninit;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
-use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use pursuit_messages::Stamp;
-use pursuit_messages::stamp::LAYOUT;
 use pursuit_messages::topics::{Frames, Topic};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::os::fd::BorrowedFd;
@@ -175,14 +173,13 @@ impl FrameLoan<'_> {
     }
 }
 
-/// A reader of topic `T`.
+/// A reader of topic `T` that is woken by every message.
 pub struct Subscriber<T: Topic>
 where
     T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
 {
-    subscriber: iceoryx2::port::subscriber::Subscriber<Ipc, T::Payload, Stamp>,
+    reader: Reader<T>,
     listener: Listener<Ipc>,
-    refused: Cell<u64>,
 }
 
 impl<T: Topic> Subscriber<T>
@@ -190,139 +187,59 @@ where
     T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
 {
     pub(crate) fn open(bus: &Bus) -> Result<Subscriber<T>, BusError> {
-        let service = bus.data_service::<T>()?;
         let event = bus.event_service::<T>()?;
-        let subscriber = retry(bus.node(), T::NAME, || service.subscriber_builder().create())?;
+        let reader = Reader::open(bus)?;
         let listener = retry(bus.node(), T::NAME, || event.listener_builder().create())?;
-        Ok(Subscriber { subscriber, listener, refused: Cell::new(0) })
+        Ok(Subscriber { reader, listener })
     }
 
-    /// The next message, oldest first; `None` when there is none. Messages of another layout are
-    /// refused and counted.
+    /// As [`Reader::receive`].
     ///
     /// # Errors
     /// [`BusError::Receive`]: count it and go on.
     pub fn receive(&self) -> Result<Option<Message<T>>, BusError> {
-        loop {
-            match self.subscriber.receive() {
-                Ok(Some(sample)) if sample.user_header().layout == LAYOUT => {
-                    return Ok(Some(Message { sample }));
-                }
-                Ok(Some(_)) => self.refused.set(self.refused.get() + 1),
-                Ok(None) => return Ok(None),
-                Err(error) => return Err(receive_error(T::NAME, &error)),
-            }
-        }
+        self.reader.receive()
     }
 
-    /// The newest message, and how many older ones were passed over.
+    /// As [`Reader::newest`].
     ///
     /// # Errors
     /// [`BusError::Receive`]: count it and go on.
     pub fn newest(&self) -> Result<Option<(Message<T>, u64)>, BusError> {
-        let mut newest = None;
-        let mut passed = 0;
-        while let Some(message) = self.receive()? {
-            passed += u64::from(newest.replace(message).is_some());
-        }
-        Ok(newest.map(|message| (message, passed)))
+        self.reader.newest()
     }
 
     /// Messages refused so far.
     pub fn refused(&self) -> u64 {
-        self.refused.get()
+        self.reader.refused()
     }
 }
 
-/// A message in shared memory, read in place; its memory returns to the writer when it is dropped.
-pub struct Message<T: Topic>
-where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
-{
-    sample: Sample<Ipc, T::Payload, Stamp>,
-}
-
-impl<T: Topic> Message<T>
-where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
-{
-    /// The frame that caused it.
-    pub fn stamp(&self) -> &Stamp {
-        self.sample.user_header()
-    }
-
-    /// The payload, in place.
-    pub fn payload(&self) -> &T::Payload {
-        self.sample.payload()
-    }
-}
-
-/// A reader of FRAMES.
+/// A reader of FRAMES that is woken by every frame.
 pub struct FrameSubscriber {
-    subscriber: iceoryx2::port::subscriber::Subscriber<Ipc, [u8], Stamp>,
+    reader: FrameReader,
     listener: Listener<Ipc>,
-    refused: Cell<u64>,
 }
 
 impl FrameSubscriber {
     pub(crate) fn open(bus: &Bus) -> Result<FrameSubscriber, BusError> {
-        let service = bus.frames_service()?;
         let event = bus.event_service::<Frames>()?;
-        let subscriber = retry(bus.node(), Frames::NAME, || service.subscriber_builder().create())?;
+        let reader = FrameReader::open(bus)?;
         let listener = retry(bus.node(), Frames::NAME, || event.listener_builder().create())?;
-        Ok(FrameSubscriber { subscriber, listener, refused: Cell::new(0) })
+        Ok(FrameSubscriber { reader, listener })
     }
 
-    /// The next frame, oldest first; `None` when there is none. A frame whose header does not fit its
-    /// bytes is refused and counted.
+    /// As [`FrameReader::receive`].
     ///
     /// # Errors
     /// [`BusError::Receive`]: count it and go on.
     pub fn receive(&self) -> Result<Option<FrameMessage>, BusError> {
-        loop {
-            match self.subscriber.receive() {
-                Ok(Some(sample)) => match FrameMessage::checked(sample) {
-                    Some(frame) => return Ok(Some(frame)),
-                    None => self.refused.set(self.refused.get() + 1),
-                },
-                Ok(None) => return Ok(None),
-                Err(error) => return Err(receive_error(Frames::NAME, &error)),
-            }
-        }
+        self.reader.receive()
     }
 
     /// Frames refused so far.
     pub fn refused(&self) -> u64 {
-        self.refused.get()
-    }
-}
-
-/// A frame in shared memory, read in place.
-pub struct FrameMessage {
-    sample: Sample<Ipc, [u8], Stamp>,
-}
-
-impl FrameMessage {
-    fn checked(sample: Sample<Ipc, [u8], Stamp>) -> Option<FrameMessage> {
-        let stamp = sample.user_header();
-        let shape = stamp.image;
-        let fits = stamp.layout == LAYOUT
-            && shape.format == pursuit_messages::stamp::FORMAT_GREY8
-            && shape.width > 0
-            && shape.height > 0
-            && shape.stride >= shape.width
-            && shape.bytes() == sample.payload().len();
-        fits.then_some(FrameMessage { sample })
-    }
-
-    /// Number, exposure and shape of the frame.
-    pub fn stamp(&self) -> &Stamp {
-        self.sample.user_header()
-    }
-
-    /// The pixels, row by row (`stamp().image.stride` bytes each), in place.
-    pub fn pixels(&self) -> &[u8] {
-        self.sample.payload()
+        self.reader.refused()
     }
 }
 
@@ -383,8 +300,4 @@ pub fn wait(inputs: &[&dyn Wakes], limit: Duration) -> Result<(), BusError> {
 
 fn send_error(topic: &'static str, cause: &dyn Debug) -> BusError {
     BusError::Send { topic, cause: format!("{cause:?}") }
-}
-
-fn receive_error(topic: &'static str, cause: &dyn Debug) -> BusError {
-    BusError::Receive { topic, cause: format!("{cause:?}") }
 }

@@ -27,18 +27,26 @@ pub enum Service {
     ArmDriver = 6,
     /// Starts, watches and ends the others.
     Supervisor = 7,
+    /// Sees everything and tells the loop nothing.
+    Observer = 8,
 }
 
 impl Service {
     /// All services that run as child processes, in the order of the data flow.
-    pub const ALL: [Service; 6] = [
+    pub const ALL: [Service; 7] = [
         Service::Simulator,
         Service::Acquisition,
         Service::Vision,
         Service::Segmentation,
         Service::Learner,
         Service::ArmDriver,
+        Service::Observer,
     ];
+
+    /// Whether the loop needs it: one that it does not need can die, or never start, and the run goes on.
+    pub const fn is_in_the_loop(self) -> bool {
+        !matches!(self, Service::Supervisor | Service::Observer)
+    }
 
     /// The name on the command line, in the config and in tables.
     pub const fn name(self) -> &'static str {
@@ -50,6 +58,7 @@ impl Service {
             Service::Learner => "learner",
             Service::ArmDriver => "arm-driver",
             Service::Supervisor => "supervisor",
+            Service::Observer => "observer",
         }
     }
 

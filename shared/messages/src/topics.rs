@@ -11,6 +11,9 @@
 //! | WORLD_STATE | simulator | acquisition (simulated camera), arm-driver (simulated drives) |
 //! | WORLD_COMMAND | arm-driver | simulator |
 //! | HEALTH | every service | supervisor |
+//!
+//! The observer reads all of them, and so does, for a while, who asks for a trace or a recording: hence the
+//! numbers of readers.
 
 use crate::payload::*;
 use crate::world::*;
@@ -71,37 +74,37 @@ const fn kept(
 
 topic!(
     /// Camera frames, written once into the loaned sample. Vision holds those that its pair spans.
-    Frames, [u8], "frames/v1", kept(2, 6, SPANNED + 1, SPANNED + 3, SPANNED)
+    Frames, [u8], "frames/v1", kept(2, 8, SPANNED + 1, SPANNED + 3, SPANNED)
 );
 topic!(
     /// Vote fields of a frame pair.
-    VoteFields, Votes, "votes/v2", kept(2, 6, 4, 4, 1)
+    VoteFields, Votes, "votes/v2", kept(2, 8, 4, 4, 1)
 );
 topic!(
     /// Detections of a frame.
-    Targets, Target, "target/v2", kept(2, 6, 16, 4, 1)
+    Targets, Target, "target/v2", kept(2, 10, 16, 4, 1)
 );
 topic!(
     /// Joint readings.
-    JointStates, Joints, "joints/v1", kept(2, 8, 64, 2, 16)
+    JointStates, Joints, "joints/v1", kept(2, 10, 64, 2, 16)
 );
 topic!(
     /// Set-points: the newest wins.
-    SetPoints, SetPoint, "setpoint/v1", kept(2, 6, 4, 4, 1)
+    SetPoints, SetPoint, "setpoint/v1", kept(2, 10, 4, 4, 1)
 );
 topic!(
     /// The learner's inside.
-    LearnerStates, LearnerState, "learner-state/v1", kept(2, 6, 16, 2, 1)
+    LearnerStates, LearnerState, "learner-state/v1", kept(2, 10, 16, 2, 1)
 );
 topic!(
     /// The simulated world.
-    WorldStates, WorldState, "world-state/v2", kept(2, 6, 16, 2, SPANNED)
+    WorldStates, WorldState, "world-state/v2", kept(2, 10, 16, 2, SPANNED)
 );
 topic!(
     /// Commands to the simulated drives.
-    WorldCommands, WorldCommand, "world-command/v1", kept(2, 6, 16, 2, 1)
+    WorldCommands, WorldCommand, "world-command/v1", kept(2, 10, 16, 2, 1)
 );
 topic!(
     /// Signs of life.
-    Healths, Health, "health/v1", kept(16, 4, 32, 2, 0)
+    Healths, Health, "health/v1", kept(16, 8, 32, 2, 0)
 );

@@ -38,6 +38,8 @@ pub enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Where do the frames' times go? Latency of the running system, hop by hop.
+    Trace(Trace),
     /// End one service and start it again.
     Restart {
         /// Its name.
@@ -110,6 +112,23 @@ pub struct Up {
     /// Write plots into this folder.
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
+    /// Where the instance lives.
+    #[command(flatten)]
+    pub place: Place,
+}
+
+/// Options of `trace`.
+#[derive(Args, Clone, Debug)]
+pub struct Trace {
+    /// Measure for so long.
+    #[arg(long, default_value_t = 5.0)]
+    pub seconds: f64,
+    /// Write the figures there, as JSON (`-`: to standard output).
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write a timeline there, for Perfetto or Chrome's trace viewer.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
     /// Where the instance lives.
     #[command(flatten)]
     pub place: Place,

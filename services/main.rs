@@ -14,6 +14,7 @@ mod progress;
 mod report;
 mod robustness;
 mod svg;
+mod trace;
 mod up;
 
 use clap::Parser;
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         Verb::Up(options) => up::run(&options),
         Verb::Run { service, place } => serve(&service, &place.directory()),
         Verb::Status { place, json } => show_status(&place.directory(), json),
+        Verb::Trace(options) => trace::run(&options),
         Verb::Restart { service, place } => {
             settle(control_of(&place.directory(), &Request::Restart { service }))
         }

@@ -1,16 +1,30 @@
 //! Observer: sees everything, and tells the loop nothing.
 //!
 //! It looks at all topics from time to time ([`ears`]); nobody wakes it, waits for it or reads what it makes.
+//! It keeps an [`account`] of all frames: what became of each ([`ledger`]), and where its time went
+//! ([`latency`]).
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod account;
 pub mod config;
 pub mod ears;
+pub mod histogram;
+pub mod latency;
+pub mod ledger;
+pub mod summary;
+pub mod timeline;
 
+use account::Account;
 use config::Config;
-use ears::{Ears, Heard};
+use ears::Ears;
+use pursuit_bus::{Bus, Instance};
+use pursuit_config::{Checker, Document, Scope};
 use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
-use pursuit_runtime::{ServiceError, Station};
+use pursuit_runtime::settings::Clock;
+use pursuit_runtime::{ServiceError, Station, place};
+use std::path::Path;
+use std::time::Duration;
 
 /// Runs until stopped.
 ///
@@ -20,20 +34,49 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
     let ears = Ears::open(&station.bus)?;
     let look_ns = config.look().as_nanos() as u64;
+    let mut account = Account::new(config.run.clock == Clock::Wall);
     let mut failures = 0;
+    let mut newest = None;
     while station.turn() {
         let begin = monotonic_ns();
-        let mut newest = None;
-        failures += ears.listen(|heard| {
-            if let Heard::Frame(frame) = heard {
-                newest = Some(frame.stamp().frame);
-            }
-        });
-        if let Some(frame) = newest {
+        failures += account.listen(&ears);
+        if account.newest() != newest
+            && let Some((_, frame)) = account.newest()
+        {
+            newest = account.newest();
             station.answered(frame);
+        }
+        if account.mismatches == 1 {
+            account.mismatches += 1;
+            tracing::error!(sums = ?account.sums(), "the account of the frames does not add up");
         }
         station.health.refused = ears.refused() + failures;
         sleep_until_ns(begin + look_ns);
     }
     Ok(())
+}
+
+/// Joins the running instance in `directory` as one more reader and keeps an account for `duration`.
+///
+/// # Errors
+/// [`ServiceError`] where there is no config of a run, or the bus fails.
+pub fn observe(directory: &Path, duration: Duration) -> Result<Account, ServiceError> {
+    let document = Document::load(&directory.join(place::CONFIG))?;
+    let checker = Checker::new(&document);
+    let config = Config::read(&checker);
+    checker.finish(Scope::ReadKeys)?;
+    let bus = Bus::join(&Instance::at(directory)?, "trace")?;
+    let ears = Ears::open(&bus)?;
+    let look_ns = config.look().as_nanos() as u64;
+    let mut account = Account::new(config.run.clock == Clock::Wall);
+    let end = monotonic_ns() + duration.as_nanos() as u64;
+    loop {
+        let now = monotonic_ns();
+        account.listen(&ears);
+        if now >= end {
+            account.finish();
+            return Ok(account);
+        }
+        sleep_until_ns((now + look_ns).min(end));
+    }
 }

@@ -3,7 +3,7 @@
 use crate::ears::{Ears, Heard};
 use crate::latency::Latency;
 use crate::ledger::{Ledger, Sums};
-use pursuit_messages::{Health, Service, Stamp};
+use pursuit_messages::{Health, LearnerState, Service, Stamp, Target};
 
 /// Services there can be, by number.
 const SERVICES: usize = 16;
@@ -21,6 +21,10 @@ pub struct Account {
     pub restarts: u64,
     /// How often the sums did not agree.
     pub mismatches: u64,
+    /// The last answer of segmentation and its frame.
+    pub target: Option<(u64, Target)>,
+    /// The last state of the learner.
+    pub learner: Option<Box<LearnerState>>,
     newest: Option<(u64, u64)>,
     begun: bool,
 }
@@ -64,7 +68,14 @@ impl Account {
         match heard {
             Heard::Frame(frame) => self.passed(0, frame.stamp(), 0),
             Heard::Votes(stamp, _) => self.passed(1, stamp, 0),
-            Heard::Target(stamp, _) => self.passed(2, stamp, 0),
+            Heard::Target(stamp, target) => {
+                self.target = Some((stamp.frame, **target));
+                self.passed(2, stamp, 0);
+            }
+            Heard::Learner(_, state) => match &mut self.learner {
+                Some(kept) => **kept = **state,
+                None => self.learner = Some(Box::new(**state)),
+            },
             Heard::SetPoint(stamp, _) => self.passed(3, stamp, 0),
             // A command without a set-point behind it answers no frame.
             Heard::Command(stamp, command) if is_answer(stamp) => self.passed(4, stamp, command.refusal),

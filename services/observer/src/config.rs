@@ -2,6 +2,7 @@
 
 use pursuit_config::Checker;
 use pursuit_runtime::settings::{self, Clock, Pace};
+use std::net::SocketAddr;
 use std::time::Duration;
 
 /// What the observer needs.
@@ -13,6 +14,8 @@ pub struct Config {
     pub camera: settings::Camera,
     /// When `pursuit up` starts it.
     pub start: Start,
+    /// Where metrics are served; `None` for nowhere.
+    pub metrics: Option<SocketAddr>,
 }
 
 /// When `pursuit up` starts the observer.
@@ -26,6 +29,8 @@ pub enum Start {
     Never,
 }
 
+/// Where metrics are served by default; the port that exporters of this kind have by custom.
+const METRICS: &str = "127.0.0.1:9464";
 /// The observer never sleeps longer between two looks.
 const LONGEST_LOOK: Duration = Duration::from_millis(10);
 /// Nor shorter: looking costs some µs.
@@ -39,7 +44,15 @@ impl Config {
         let section = checker.section("observer");
         let starts = [("real-time", Start::RealTime), ("always", Start::Always), ("never", Start::Never)];
         let start = section.choice_or("start", &starts, Start::RealTime);
-        Config { run, camera, start }
+        let address = section.text_or("metrics", METRICS);
+        let metrics = address.parse().ok().filter(|address: &SocketAddr| address.ip().is_loopback());
+        if metrics.is_none() && !address.is_empty() {
+            section.fault(
+                "metrics",
+                format!("must be an address of this machine alone, as {METRICS}, or empty, is {address:?}"),
+            );
+        }
+        Config { run, camera, start, metrics }
     }
 
     /// Whether `pursuit up` starts it.

@@ -9,9 +9,11 @@
 pub mod account;
 pub mod config;
 pub mod ears;
+pub mod endpoint;
 pub mod histogram;
 pub mod latency;
 pub mod ledger;
+pub mod metrics;
 pub mod summary;
 pub mod timeline;
 
@@ -23,8 +25,13 @@ use pursuit_config::{Checker, Document, Scope};
 use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, place};
+use std::net::SocketAddr;
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+
+/// Metrics are written anew so often.
+const PAGE_NS: u64 = 500_000_000;
 
 /// Runs until stopped.
 ///
@@ -35,8 +42,12 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let ears = Ears::open(&station.bus)?;
     let look_ns = config.look().as_nanos() as u64;
     let mut account = Account::new(config.run.clock == Clock::Wall);
+    let page = Arc::new(Mutex::new(metrics::exposition(&account)));
+    if let Some(address) = config.metrics {
+        serve_metrics(address, &page);
+    }
     let mut failures = 0;
-    let mut newest = None;
+    let (mut newest, mut next_page_ns) = (None, 0);
     while station.turn() {
         let begin = monotonic_ns();
         failures += account.listen(&ears);
@@ -50,10 +61,24 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             account.mismatches += 1;
             tracing::error!(sums = ?account.sums(), "the account of the frames does not add up");
         }
+        if config.metrics.is_some() && begin >= next_page_ns {
+            next_page_ns = begin + PAGE_NS;
+            *page.lock().unwrap_or_else(PoisonError::into_inner) = metrics::exposition(&account);
+        }
         station.health.refused = ears.refused() + failures;
         sleep_until_ns(begin + look_ns);
     }
     Ok(())
+}
+
+/// A port in use is no reason not to observe: it is said, with the way out.
+fn serve_metrics(address: SocketAddr, page: &Arc<Mutex<String>>) {
+    match endpoint::serve(address, Arc::clone(page)) {
+        Ok(bound) => tracing::info!("metrics at http://{bound}/metrics"),
+        Err(error) => tracing::warn!(
+            "no metrics at {address} ({error}): choose another address with --set observer.metrics=127.0.0.1:PORT"
+        ),
+    }
 }
 
 /// Joins the running instance in `directory` as one more reader and keeps an account for `duration`.

@@ -4,6 +4,7 @@ use crate::account::Account;
 use crate::histogram::Histogram;
 use crate::latency::Told;
 use crate::ledger::HOPS;
+use pursuit_messages::Phase;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -27,6 +28,76 @@ pub fn json(account: &Account) -> Value {
         "sums_agree": sums.agree() && account.mismatches == 0, "worst": worst})
 }
 
+/// The hops in short, for a screen: p50 and p99 of waiting and computing.
+pub fn short(account: &Account) -> String {
+    let latency = &account.latency;
+    let mut text = format!(
+        "{:<13} {:>10} {:>10} {:>11} {:>11}\n",
+        "us", "wait p50", "wait p99", "compute p50", "compute p99"
+    );
+    let us = |histogram: &Histogram, share| histogram.quantile_ns(share) as f64 / 1e3;
+    for (hop, service) in HOPS.iter().enumerate() {
+        let (wait, compute) = (&latency.wait[hop], &latency.compute[hop]);
+        let _ = writeln!(
+            text,
+            "{:<13} {:>10.0} {:>10.0} {:>11.0} {:>11.0}",
+            service.name(),
+            us(wait, 0.5),
+            us(wait, 0.99),
+            us(compute, 0.5),
+            us(compute, 0.99)
+        );
+    }
+    let (p50, p99) = (us(&latency.end_to_end, 0.5) / 1e3, us(&latency.end_to_end, 0.99) / 1e3);
+    let sums = account.sums();
+    let _ = writeln!(
+        text,
+        "end to end    p50 {p50:.2} ms, p99 {p99:.2} ms; {} frames: {} acted on, {} superseded, {} dropped, {} lost",
+        sums.captured, sums.acted, sums.superseded, sums.dropped, sums.lost
+    );
+    text
+}
+
+/// What the eye and the hand say now, in two lines.
+pub fn now(account: &Account) -> String {
+    let mut text = String::new();
+    let _ = match account.target {
+        Some((frame, target)) => {
+            let (name, seen) = [("track", target.track), ("pair", target.motion), ("blob", target.blob)]
+                .into_iter()
+                .find(|(_, detection)| detection.found == 1)
+                .unwrap_or(("none", target.motion));
+            writeln!(
+                text,
+                "target   frame {frame}: {name} at ({:.1}, {:.1}) px, moves ({:.2}, {:.2}) px/frame, confidence {:.2}",
+                seen.u, seen.v, seen.vu, seen.vv, seen.confidence
+            )
+        }
+        None => writeln!(text, "target   nothing heard yet"),
+    };
+    let _ = match &account.learner {
+        Some(state) => {
+            let phase = match Phase::from_number(state.phase) {
+                Some(Phase::Training) => "training",
+                Some(Phase::Homing) => "homing",
+                Some(Phase::Tracking) => "following",
+                None => "unknown",
+            };
+            writeln!(
+                text,
+                "learner  {phase}, {} moves, {} samples, {} refits, loss {:.2e}, {}",
+                state.moves,
+                state.samples,
+                state.refits_merged,
+                state.loss,
+                if state.consistent == 1 { "map fits" } else { "map does not fit yet" }
+            )
+        }
+        None => writeln!(text, "learner  nothing heard yet"),
+    };
+    text
+}
+
 /// The figures for people.
 pub fn text(account: &Account) -> String {
     let (latency, sums) = (&account.latency, account.sums());
@@ -35,8 +106,8 @@ pub fn text(account: &Account) -> String {
         let _ = write!(text, "{name:>10}");
     }
     text.push('\n');
-    for hop in 0..HOPS.len() {
-        let name = format!("{} -> {}", before(hop), HOPS[hop].name());
+    for (hop, service) in HOPS.iter().enumerate() {
+        let name = format!("{} -> {}", before(hop), service.name());
         row(&mut text, &name, "waiting", &latency.wait[hop]);
         row(&mut text, "", "computing", &latency.compute[hop]);
     }

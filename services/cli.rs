@@ -38,6 +38,8 @@ pub enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// One screen: services, hops, target, learner; refreshed until stopped.
+    Top(Top),
     /// Where do the frames' times go? Latency of the running system, hop by hop.
     Trace(Trace),
     /// End one service and start it again.
@@ -112,6 +114,20 @@ pub struct Up {
     /// Write plots into this folder.
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
+    /// Where the instance lives.
+    #[command(flatten)]
+    pub place: Place,
+}
+
+/// Options of `top`.
+#[derive(Args, Clone, Debug)]
+pub struct Top {
+    /// Time between two screens, s; the first comes after that.
+    #[arg(long, default_value_t = 1.0)]
+    pub every: f64,
+    /// One screen, then end.
+    #[arg(long)]
+    pub once: bool,
     /// Where the instance lives.
     #[command(flatten)]
     pub place: Place,

@@ -14,6 +14,7 @@ mod progress;
 mod report;
 mod robustness;
 mod svg;
+mod top;
 mod trace;
 mod up;
 
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
         Verb::Up(options) => up::run(&options),
         Verb::Run { service, place } => serve(&service, &place.directory()),
         Verb::Status { place, json } => show_status(&place.directory(), json),
+        Verb::Top(options) => top::run(&options),
         Verb::Trace(options) => trace::run(&options),
         Verb::Restart { service, place } => {
             settle(control_of(&place.directory(), &Request::Restart { service }))

@@ -1,8 +1,9 @@
-//! `pursuit trace` on a running system.
+//! `pursuit trace`, `pursuit top` and the metrics on a running system.
 
 mod support;
 
-use support::{Place, json, text};
+use std::io::{Read, Write};
+use support::{Place, json, pid_of, text, wait_for};
 
 #[test]
 fn trace_tells_where_the_time_of_each_frame_went() {
@@ -34,9 +35,72 @@ fn trace_tells_where_the_time_of_each_frame_went() {
     let of = |phase: &str| events.iter().filter(|event| event["ph"] == phase).count();
     assert_eq!(of("M"), 10, "a name and a place for each process");
     assert!(of("X") >= 5 && of("s") > 0 && of("s") >= of("f"), "slices and arrows");
+    let output = place.command(&["top", "--once"]).output().expect("pursuit top runs");
+    let (screen, errors) = text(&output);
+    assert!(output.status.success(), "{errors}");
+    for word in ["observer", "running", "frames/s", "wait p99", "end to end", "target", "learner"] {
+        assert!(screen.contains(word), "no {word} on the screen:\n{screen}");
+    }
     system.signal(rustix::process::Signal::TERM);
     assert!(system.end().0.success());
     place.assert_nothing_left();
+}
+
+#[test]
+fn a_metrics_port_in_use_is_said_and_the_loop_runs() {
+    let place = Place::new();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = taken.local_addr().expect("an address");
+    let mut system = place.up(&["--set", "run.pace=real", "--set", &format!("observer.metrics={address}")]);
+    let services = system.wait_until_running();
+    assert!(services.iter().any(|s| s["service"] == "observer"));
+    let log = place.log();
+    assert!(log.contains("observer.metrics=127.0.0.1:PORT"), "{log}");
+    system.signal(rustix::process::Signal::TERM);
+    assert!(system.end().0.success());
+}
+
+#[test]
+fn metrics_of_a_running_system_can_be_scraped() {
+    let place = Place::new();
+    let mut system = place.up(&["--set", "run.pace=real", "--set", "observer.metrics=127.0.0.1:0"]);
+    system.wait_until_running();
+    // The observer says on which port it listens only at info level; the kernel knows it too.
+    let acted = wait_for(|| {
+        let page = scrape(port_of(&place)?)?;
+        let line = page.lines().find(|line| line.starts_with("pursuit_frames_total{state=\"acted\"}"))?;
+        line.rsplit(' ').next()?.parse::<u64>().ok().filter(|acted| *acted > 0)
+    });
+    assert!(acted.is_some(), "no frame was counted\n{}", place.log());
+    system.signal(rustix::process::Signal::TERM);
+    assert!(system.end().0.success());
+}
+
+/// The port on which the place's observer listens: its one listening socket.
+fn port_of(place: &Place) -> Option<u16> {
+    let pid = pid_of(&place.status()?, "observer");
+    let sockets: Vec<String> = std::fs::read_dir(format!("/proc/{pid}/fd"))
+        .ok()?
+        .flatten()
+        .filter_map(|entry| std::fs::read_link(entry.path()).ok())
+        .filter_map(|link| Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned()))
+        .collect();
+    let table = std::fs::read_to_string("/proc/net/tcp").ok()?;
+    table.lines().skip(1).find_map(|line| {
+        let columns: Vec<&str> = line.split_whitespace().collect();
+        let listens =
+            columns.get(3) == Some(&"0A") && sockets.iter().any(|s| columns.get(9) == Some(&s.as_str()));
+        let port = columns.get(1)?.rsplit(':').next()?;
+        listens.then(|| u16::from_str_radix(port, 16).ok()).flatten()
+    })
+}
+
+fn scrape(port: u16) -> Option<String> {
+    let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).ok()?;
+    stream.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n").ok()?;
+    let mut page = String::new();
+    stream.read_to_string(&mut page).ok()?;
+    Some(page)
 }
 
 #[test]

@@ -81,27 +81,53 @@ fn serve_metrics(address: SocketAddr, page: &Arc<Mutex<String>>) {
     }
 }
 
-/// Joins the running instance in `directory` as one more reader and keeps an account for `duration`.
+/// One more reader of a running instance, for a verb that looks at it.
+pub struct Watch {
+    /// What has been heard.
+    pub account: Account,
+    ears: Ears,
+    look_ns: u64,
+    /// Last, so that it outlives its readers.
+    _bus: Bus,
+}
+
+impl Watch {
+    /// Joins the instance in `directory`.
+    ///
+    /// # Errors
+    /// [`ServiceError`] where there is no config of a run, or the bus fails.
+    pub fn join(directory: &Path) -> Result<Watch, ServiceError> {
+        let document = Document::load(&directory.join(place::CONFIG))?;
+        let checker = Checker::new(&document);
+        let config = Config::read(&checker);
+        checker.finish(Scope::ReadKeys)?;
+        let bus = Bus::join(&Instance::at(directory)?, "trace")?;
+        let ears = Ears::open(&bus)?;
+        let account = Account::new(config.run.clock == Clock::Wall);
+        Ok(Watch { account, ears, look_ns: config.look().as_nanos() as u64, _bus: bus })
+    }
+
+    /// Listens for `duration`.
+    pub fn keep_watching(&mut self, duration: Duration) {
+        let end = monotonic_ns() + duration.as_nanos() as u64;
+        loop {
+            let now = monotonic_ns();
+            self.account.listen(&self.ears);
+            if now >= end {
+                return;
+            }
+            sleep_until_ns((now + self.look_ns).min(end));
+        }
+    }
+}
+
+/// The account of the running instance in `directory` over `duration`.
 ///
 /// # Errors
-/// [`ServiceError`] where there is no config of a run, or the bus fails.
+/// As [`Watch::join`].
 pub fn observe(directory: &Path, duration: Duration) -> Result<Account, ServiceError> {
-    let document = Document::load(&directory.join(place::CONFIG))?;
-    let checker = Checker::new(&document);
-    let config = Config::read(&checker);
-    checker.finish(Scope::ReadKeys)?;
-    let bus = Bus::join(&Instance::at(directory)?, "trace")?;
-    let ears = Ears::open(&bus)?;
-    let look_ns = config.look().as_nanos() as u64;
-    let mut account = Account::new(config.run.clock == Clock::Wall);
-    let end = monotonic_ns() + duration.as_nanos() as u64;
-    loop {
-        let now = monotonic_ns();
-        account.listen(&ears);
-        if now >= end {
-            account.finish();
-            return Ok(account);
-        }
-        sleep_until_ns((now + look_ns).min(end));
-    }
+    let mut watch = Watch::join(directory)?;
+    watch.keep_watching(duration);
+    watch.account.finish();
+    Ok(watch.account)
 }

@@ -56,6 +56,8 @@ pub enum Verb {
         #[command(flatten)]
         place: Place,
     },
+    /// Record everything that travels between the services, as an MCAP file.
+    Record(Record),
     /// Find what moves in a folder of images or a video.
     Detect(Detect),
     /// A measured experiment in lock-step, the paper's figure beside ours.
@@ -165,6 +167,20 @@ pub struct Demo {
     /// Folder for the plots [default: pursuit-out].
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
+    /// Where the instance lives.
+    #[command(flatten)]
+    pub place: Place,
+}
+
+/// Options of `record`.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Record {
+    /// The file [default: pursuit.mcap].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// End after so many seconds.
+    #[arg(long, value_name = "S")]
+    pub seconds: Option<f64>,
     /// Where the instance lives.
     #[command(flatten)]
     pub place: Place,

@@ -11,6 +11,7 @@ mod inprocess;
 mod parallel;
 mod plots;
 mod progress;
+mod record;
 mod report;
 mod robustness;
 mod svg;
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
             settle(control_of(&place.directory(), &Request::Restart { service }))
         }
         Verb::Down { place } => down(&place.directory()),
+        Verb::Record(options) => record::run(&options),
         Verb::Detect(options) => detect(&options),
         Verb::Experiment(options) => experiment::run(&options),
         Verb::Check { file } => check::run(&file),

@@ -155,9 +155,20 @@ fn readme_s_first_screen_has_the_two_commands() {
 #[test]
 fn every_verb_is_in_the_readme() {
     let readme = read("README.md");
-    for verb in
-        ["demo", "up", "run", "status", "top", "trace", "restart", "down", "detect", "experiment", "check"]
-    {
+    for verb in [
+        "demo",
+        "up",
+        "run",
+        "status",
+        "top",
+        "trace",
+        "restart",
+        "down",
+        "record",
+        "detect",
+        "experiment",
+        "check",
+    ] {
         assert!(readme.contains(&format!("pursuit {verb}")), "README.md does not show `pursuit {verb}`");
     }
 }

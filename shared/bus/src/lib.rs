@@ -17,7 +17,9 @@ mod reader;
 
 pub use error::BusError;
 pub use instance::{Instance, InstanceError};
-pub use port::{FrameLoan, FramePublisher, FrameSubscriber, Loan, Publisher, Subscriber, Wakes, wait};
+pub use port::{
+    FrameLoan, FramePublisher, FrameSubscriber, Loan, Publisher, Subscriber, Travels, Wakes, wait,
+};
 pub use reader::{FrameMessage, FrameReader, Message, Reader};
 
 use iceoryx2::prelude::*;

@@ -20,6 +20,11 @@ pub(crate) type DataService<P> = publish_subscribe::PortFactory<Ipc, P, Stamp>;
 pub(crate) type FrameService = publish_subscribe::PortFactory<Ipc, [u8], Stamp>;
 pub(crate) type EventService = event::PortFactory<Ipc>;
 
+/// What a payload must be to travel; everything that fits does.
+pub trait Travels: ZeroCopySend + Copy + Default + Debug + 'static {}
+
+impl<P: ZeroCopySend + Copy + Default + Debug + 'static> Travels for P {}
+
 /// Samples that a writer holds at once: the one being written, and one to spare.
 const MAX_LOANED: usize = 2;
 

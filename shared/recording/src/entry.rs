@@ -22,7 +22,7 @@ pub enum Sample {
     /// Topic VOTES.
     Votes(Box<Votes>),
     /// Topic TARGET.
-    Target(Target),
+    Target(Box<Target>),
     /// Topic JOINTS.
     Joints(Joints),
     /// Topic SETPOINT.

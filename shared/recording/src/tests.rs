@@ -38,7 +38,7 @@ fn entries(frames: u64) -> Vec<Entry> {
             })),
             Sample::Frame(pixels),
             Sample::Votes(Box::new(votes)),
-            Sample::Target(Target { motion, ..Target::default() }),
+            Sample::Target(Box::new(Target { motion, ..Target::default() })),
             Sample::Joints(Joints { position: [0.5; 6], ..Joints::default() }),
             Sample::SetPoint(SetPoint { follow: 1, ..SetPoint::default() }),
             Sample::Learner(Box::new(LearnerState { loss: 0.5, ..LearnerState::default() })),

@@ -180,7 +180,7 @@ pub fn encode(entry: &Entry, out: &mut Vec<u8>) -> Option<Topic> {
     Some(match &entry.sample {
         Sample::Frame(_) => return None,
         Sample::Votes(votes) => put(votes.as_ref(), Topic::Votes, out),
-        Sample::Target(target) => put(target, Topic::Target, out),
+        Sample::Target(target) => put(target.as_ref(), Topic::Target, out),
         Sample::Joints(joints) => put(joints, Topic::Joints, out),
         Sample::SetPoint(point) => put(point, Topic::SetPoint, out),
         Sample::Learner(state) => put(state.as_ref(), Topic::Learner, out),
@@ -200,7 +200,7 @@ pub fn decode(topic: Topic, log_ns: u64, mut bytes: &[u8]) -> Option<Entry> {
     let stamp = Stamp::take(input)?;
     let sample = match topic {
         Topic::Votes => Sample::Votes(Box::new(Wire::take(input)?)),
-        Topic::Target => Sample::Target(Wire::take(input)?),
+        Topic::Target => Sample::Target(Box::new(Wire::take(input)?)),
         Topic::Joints => Sample::Joints(Wire::take(input)?),
         Topic::SetPoint => Sample::SetPoint(Wire::take(input)?),
         Topic::Learner => Sample::Learner(Box::new(Wire::take(input)?)),

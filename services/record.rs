@@ -1,0 +1,217 @@
+//! `pursuit record`: everything that travels on the bus of an instance, into one MCAP file.
+//!
+//! One thread takes messages off the bus and copies them into a bounded queue; another writes. A full queue
+//! drops messages and counts them. Nothing here can hold up the loop: every topic overflows.
+
+use crate::cli::Record as Options;
+use pursuit_bus::{Bus, BusError, FrameSubscriber, Instance, Subscriber, wait};
+use pursuit_messages::Stamp;
+use pursuit_messages::topics::{
+    JointStates, LearnerStates, SetPoints, Targets, Topic, VoteFields, WorldCommands, WorldStates,
+};
+use pursuit_recording::{Entry, RecordingError, Sample, Writer};
+use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::{TICK, exit, place};
+use pursuit_supervisor::instance::is_held;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::time::Duration;
+
+/// Messages that may wait for the disk.
+const QUEUE: usize = 128;
+/// How often is looked whether the instance still runs, ns.
+const LOOK_NS: u64 = 500_000_000;
+/// Longest wait of the writer for a message: bounds how long a chunk stays open.
+const WRITER_WAIT: Duration = Duration::from_millis(100);
+
+/// Records until a signal, the end of the instance, or the end of the time asked for.
+pub fn run(options: &Options) -> u8 {
+    let directory = options.place.directory();
+    if !is_held(&directory) {
+        eprintln!("pursuit record: nothing runs in {}; start it with `pursuit up`", directory.display());
+        return exit::FAILED;
+    }
+    let file = options.out.clone().unwrap_or_else(|| PathBuf::from("pursuit.mcap"));
+    match record(&directory, &file, options.seconds) {
+        Ok(counts) => {
+            let Counts { frames, missed, dropped } = counts;
+            println!(
+                "{}: {frames} frames, {missed} that could not be taken in time, {dropped} messages dropped \
+                 because the disk was too slow",
+                file.display()
+            );
+            exit::OK
+        }
+        Err(sentence) => {
+            eprintln!("pursuit record: {}: {sentence}", file.display());
+            exit::FAILED
+        }
+    }
+}
+
+/// What was recorded, and what was not.
+#[derive(Default)]
+struct Counts {
+    frames: u64,
+    missed: u64,
+    dropped: u64,
+}
+
+fn record(directory: &Path, file: &Path, seconds: Option<f64>) -> Result<Counts, String> {
+    let stop = Arc::new(AtomicBool::new(false));
+    use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+    // SIGXFSZ would end the process where a file may grow no further: the failed write tells it, too.
+    let ignored = Arc::new(AtomicBool::new(false));
+    for (signal, flag) in [(SIGTERM, &stop), (SIGINT, &stop), (SIGXFSZ, &ignored)] {
+        let register = signal_hook::flag::register(signal, Arc::clone(flag));
+        register.map_err(|e| format!("cannot take over signal {signal}: {e}"))?;
+    }
+    let config = std::fs::read_to_string(directory.join(place::CONFIG)).unwrap_or_default();
+    let instance = Instance::at(directory).map_err(|e| e.to_string())?;
+    let bus = Bus::join(&instance, "record").map_err(|e| e.to_string())?;
+    let inputs = Inputs::open(&bus).map_err(|e| e.to_string())?;
+    let writer = Writer::create(file, &config).map_err(|e| e.to_string())?;
+    let (queue, waiting) = sync_channel(QUEUE);
+    let writing = std::thread::spawn(move || write(writer, &waiting));
+    let mut tap = Tap { queue, counts: Counts::default(), last: None, broken: false };
+    let end_ns = seconds.map(|s| monotonic_ns() + (s.max(0.0) * 1e9) as u64);
+    let mut look_ns = monotonic_ns() + LOOK_NS;
+    eprintln!("recording into {}; Ctrl-C ends it", file.display());
+    while !stop.load(Ordering::Relaxed) && !tap.broken {
+        inputs.drain_into(&mut tap).map_err(|e| e.to_string())?;
+        let now = monotonic_ns();
+        if end_ns.is_some_and(|end| now >= end) {
+            break;
+        }
+        if now >= look_ns {
+            look_ns = now + LOOK_NS;
+            if !is_held(directory) {
+                break;
+            }
+        }
+    }
+    let Tap { queue, counts, .. } = tap;
+    drop(queue);
+    match writing.join() {
+        Ok(Ok(())) => Ok(counts),
+        Ok(Err(error)) if error.is_disk_full() => Err(format!(
+            "there is no room for more ({error}): the recording ends here, what was written before can be read; \
+             the run goes on"
+        )),
+        Ok(Err(error)) => Err(error.to_string()),
+        Err(_) => Err("the writer failed".to_owned()),
+    }
+}
+
+/// The writer's thread: to the end of the queue.
+fn write(mut writer: Writer, waiting: &Receiver<Entry>) -> Result<(), RecordingError> {
+    loop {
+        match waiting.recv_timeout(WRITER_WAIT) {
+            Ok(entry) => writer.write(&entry)?,
+            Err(RecvTimeoutError::Timeout) => writer.flush_at(monotonic_ns())?,
+            Err(RecvTimeoutError::Disconnected) => return writer.finish(),
+        }
+    }
+}
+
+/// Where messages go.
+struct Tap {
+    queue: SyncSender<Entry>,
+    counts: Counts,
+    /// Epoch and number of the newest frame.
+    last: Option<(u64, u64)>,
+    /// The writer is gone: the disk is full, say.
+    broken: bool,
+}
+
+impl Tap {
+    fn take(&mut self, stamp: &Stamp, sample: Sample) {
+        let entry = Entry { log_ns: monotonic_ns(), stamp: *stamp, sample };
+        match self.queue.try_send(entry) {
+            Ok(()) => {}
+            Err(TrySendError::Full(_)) => self.counts.dropped += 1,
+            Err(TrySendError::Disconnected(_)) => self.broken = true,
+        }
+    }
+
+    fn count(&mut self, stamp: &Stamp) {
+        self.counts.frames += 1;
+        if let Some((epoch, frame)) = self.last.replace((stamp.epoch, stamp.frame))
+            && epoch == stamp.epoch
+        {
+            self.counts.missed += stamp.frame.saturating_sub(frame + 1);
+        }
+    }
+}
+
+/// A reader of every topic of the loop.
+struct Inputs {
+    frames: FrameSubscriber,
+    votes: Subscriber<VoteFields>,
+    targets: Subscriber<Targets>,
+    joints: Subscriber<JointStates>,
+    points: Subscriber<SetPoints>,
+    learner: Subscriber<LearnerStates>,
+    worlds: Subscriber<WorldStates>,
+    commands: Subscriber<WorldCommands>,
+}
+
+impl Inputs {
+    fn open(bus: &Bus) -> Result<Inputs, BusError> {
+        Ok(Inputs {
+            frames: bus.frame_subscriber()?,
+            votes: bus.subscriber(VoteFields)?,
+            targets: bus.subscriber(Targets)?,
+            joints: bus.subscriber(JointStates)?,
+            points: bus.subscriber(SetPoints)?,
+            learner: bus.subscriber(LearnerStates)?,
+            worlds: bus.subscriber(WorldStates)?,
+            commands: bus.subscriber(WorldCommands)?,
+        })
+    }
+
+    /// Waits for something and takes all there is.
+    fn drain_into(&self, tap: &mut Tap) -> Result<(), BusError> {
+        wait(
+            &[
+                &self.frames,
+                &self.votes,
+                &self.targets,
+                &self.joints,
+                &self.points,
+                &self.learner,
+                &self.worlds,
+                &self.commands,
+            ],
+            TICK,
+        )?;
+        while let Some(frame) = self.frames.receive()? {
+            tap.count(frame.stamp());
+            tap.take(frame.stamp(), Sample::Frame(frame.pixels().to_vec()));
+        }
+        drain(&self.votes, tap, |votes| Sample::Votes(Box::new(*votes)))?;
+        drain(&self.targets, tap, |target| Sample::Target(Box::new(*target)))?;
+        drain(&self.joints, tap, |joints| Sample::Joints(*joints))?;
+        drain(&self.points, tap, |point| Sample::SetPoint(*point))?;
+        drain(&self.learner, tap, |state| Sample::Learner(Box::new(*state)))?;
+        drain(&self.worlds, tap, |world| Sample::World(Box::new(*world)))?;
+        drain(&self.commands, tap, |command| Sample::Command(Box::new(*command)))
+    }
+}
+
+fn drain<T>(
+    input: &Subscriber<T>,
+    tap: &mut Tap,
+    sample: impl Fn(&T::Payload) -> Sample,
+) -> Result<(), BusError>
+where
+    T: Topic,
+    T::Payload: pursuit_bus::Travels,
+{
+    while let Some(message) = input.receive()? {
+        tap.take(message.stamp(), sample(message.payload()));
+    }
+    Ok(())
+}

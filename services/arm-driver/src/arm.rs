@@ -63,8 +63,12 @@ pub struct Reading {
     pub time_ns: u64,
     /// Measured and issued joint states.
     pub drives: Drives,
+    /// Where the drives were told to be when the joints were read, rad.
+    pub demanded: [f64; kinematics::JOINTS],
     /// Whether the drives are on and take commands.
     pub enabled: bool,
+    /// Whether the emergency button is pressed; a backend that cannot tell says that it is.
+    pub pressed: bool,
 }
 
 /// Why an arm does not do what it is told.

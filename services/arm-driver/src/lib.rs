@@ -1,24 +1,31 @@
 //! Arm driver: the only one that moves the arm, and it trusts nobody.
 //!
-//! A frame's way: SETPOINT → gates (epoch, finite, age, range) → limits of joints 1 and 2 → coupling of
-//! the others → drive cycles to the arm. JOINTS go out with every reading. The driver keeps no state of
-//! its own: it goes on from what the drives report as issued, so a restarted driver makes no jump.
+//! A frame's way: SETPOINT → gates (epoch, rising, finite, age, range) → safety chain ([`safety`]: may the arm
+//! move at all?) → limits of joints 1 and 2 → coupling of the others → drive cycles to the arm. JOINTS and
+//! DRIVER_STATE go out with every reading. No motion is remembered: it goes on from what the drives report as
+//! issued, so a restarted driver makes no jump. A stop outlives the driver as a file ([`latch`]).
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod arm;
 pub mod config;
+pub mod latch;
+mod reporter;
+pub mod safety;
 mod simulated;
 pub mod step;
 
 use arm::{Arm, ArmError};
 use config::Config;
+use latch::Latches;
 use pursuit_bus::{Message, wait};
-use pursuit_messages::topics::{JointStates, SetPoints};
-use pursuit_messages::{Joints, Service, Stage};
+use pursuit_messages::topics::{DriverStates, JointStates, SetPoints};
+use pursuit_messages::{Refusal, Service, Stage};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
+use reporter::Reporter;
+use safety::{Chain, Look, Verdict};
 use simulated::SimulatedArm;
 use step::Driver;
 
@@ -32,15 +39,20 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let driver =
         Driver::new(config.parameters, config.coupling).map_err(|e| ServiceError::Other(e.to_string()))?;
     let joints = station.bus.publisher(JointStates)?;
+    let mut reporter = Reporter::new(station.bus.publisher(DriverStates)?);
     let set_points = station.bus.subscriber(SetPoints)?;
     let mut arm = SimulatedArm::connect(&station.bus, config.coupling.arm())?;
+    let latches = Latches::open(station.directory())
+        .map_err(|e| ServiceError::Other(format!("cannot look for stops in the run-time directory: {e}")))?;
+    latches.forget_wishes();
+    let mut chain = Chain::new(config.rules, config.coupling.arm());
     arm.enable().map_err(lost)?;
     let mut newest: Option<Message<SetPoints>> = None;
-    let mut refusal = 0;
-    let mut epoch = 0;
+    let (mut epoch, mut read_ns) = (0, monotonic_ns());
     while station.turn() {
         wait(&[&set_points, arm.wakes()], TICK)?;
         joints.greet_new_readers();
+        reporter.greet_new_readers();
         arm.greet_new_readers();
         if let Some((message, _)) = set_points.newest()? {
             // Epochs are start times: an older one is of a camera that is gone.
@@ -48,39 +60,72 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             newest = Some(message);
         }
         let fresh = arm.refresh()?;
-        let Ok(reading) = arm.state() else { continue };
-        let world = *arm.stamp();
-        if fresh {
-            let (position, velocity) = (reading.drives.position, reading.drives.velocity);
-            let following = u32::from(refusal == 0);
-            let state = Joints { time_ns: reading.time_ns, position, velocity, following, refusal };
-            joints.publish(&world, &state)?;
-        }
-        let answers = newest.as_ref().filter(|message| message.stamp().trace_id == world.trace_id);
-        let (set_point, cycles) = match config.run.clock {
-            // The answer to the frame that the world waits for, and to no other.
-            Clock::Lockstep if answers.is_some() && arm.awaits_answer() => (answers, config.cycles_per_frame),
-            Clock::Lockstep => continue,
-            Clock::Wall if fresh => (newest.as_ref(), 1),
-            Clock::Wall => continue,
-        };
         let begin = monotonic_ns();
-        let given = set_point.map(|message| (message.payload(), message.stamp()));
-        let command = driver.step(reading.time_ns, epoch, &reading.drives, given, cycles);
-        refusal = command.refusal.map_or(0, |refusal| refusal as u32);
-        let cause = given.map_or(world, |(_, stamp)| *stamp);
-        let stamp = cause.extended(Service::ArmDriver, Stage::Drive, begin, monotonic_ns());
-        arm.answering(stamp, given.map(|(set_point, _)| *set_point).unwrap_or_default());
-        let deadline_ns = reading.time_ns + config.parameters.watchdog_ns;
-        match arm.command(&command, config.parameters.cycle_ns, deadline_ns) {
-            Ok(()) => station.answered(stamp.frame),
-            Err(error) => {
-                tracing::error!(%error, "the command was not taken: the drives stop by themselves");
-                station.health.refused += 1;
+        read_ns = if fresh { begin } else { read_ns };
+        // In lock-step the simulated time stands still while nobody answers: nothing is lost by that.
+        let heard = config.run.clock == Clock::Lockstep || begin - read_ns <= config.parameters.watchdog_ns;
+        let reading = arm.state().ok().filter(|_| heard);
+        let world = *arm.stamp();
+        if let Some(reading) = reading.filter(|_| fresh) {
+            joints.publish(&world, &reporter.joints(&reading))?;
+        }
+        let given = newest.as_ref().map(|message| (message.payload(), message.stamp()));
+        let answers = given.is_some_and(|(_, stamp)| stamp.trace_id == world.trace_id);
+        // In lock-step the answer to the frame that the world waits for, and to no other.
+        let (due, cycles) = match config.run.clock {
+            Clock::Lockstep => (answers && arm.awaits_answer(), config.cycles_per_frame),
+            Clock::Wall => (fresh, 1),
+        };
+        let now_ns = reading.map_or(begin, |reading| reading.time_ns);
+        let judged = match given {
+            Some((_, stamp)) if chain.is_backwards(stamp) => Err(Refusal::Backwards),
+            _ => driver.judge(now_ns, epoch, given),
+        };
+        let judged = if due || config.run.clock == Clock::Wall { Some(judged) } else { None };
+        let verdict = chain.look(&Look {
+            now_ns,
+            reading: reading.as_ref(),
+            latch: latches.set(),
+            wish: latches.take_wish(),
+            frame: given.map(|(_, stamp)| (stamp.epoch, stamp.frame)).filter(|_| judged.is_some()),
+            judged,
+        });
+        reporter.take(&chain, &verdict, fresh, &world)?;
+        if let (Some(reading), true) = (reading, due) {
+            let command = match verdict.refusal {
+                Some(refusal) => driver.rest(now_ns, &reading.drives, refusal, cycles),
+                None => driver.step(now_ns, epoch, &reading.drives, given, cycles),
+            };
+            reporter.refusal = command.refusal;
+            let cause = given.map_or(world, |(_, stamp)| *stamp);
+            let stamp = cause.extended(Service::ArmDriver, Stage::Drive, begin, monotonic_ns());
+            arm.answering(stamp, given.map(|(set_point, _)| *set_point).unwrap_or_default());
+            let deadline_ns = now_ns + config.parameters.watchdog_ns;
+            match arm.command(&command, config.parameters.cycle_ns, deadline_ns) {
+                Ok(()) => station.answered(stamp.frame),
+                Err(error) => {
+                    tracing::error!(%error, "the command was not taken: the drives stop by themselves");
+                    station.health.refused += 1;
+                }
             }
         }
+        remember(&latches, &verdict);
     }
+    chain.end();
+    reporter.end(&chain)?;
     arm.stop().map_err(lost)
+}
+
+/// A stop that the driver made by itself outlives it; a reset ends all stops.
+fn remember(latches: &Latches, verdict: &Verdict) {
+    let done = match verdict.latch {
+        Some(latch) => latches.latch(latch),
+        None if verdict.released => latches.release(),
+        None => Ok(()),
+    };
+    if let Err(error) = done {
+        tracing::error!(%error, "a stop cannot be written down, or taken away");
+    }
 }
 
 fn lost(error: ArmError) -> ServiceError {

@@ -105,7 +105,10 @@ impl Arm for SimulatedArm {
                 issued_position: world.issued_position,
                 issued_velocity: world.issued_velocity,
             },
+            demanded: world.demanded_position,
             enabled: true,
+            // The simulated cell has no button; `pursuit stop` is one.
+            pressed: false,
         })
     }
 

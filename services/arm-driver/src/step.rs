@@ -22,7 +22,13 @@ pub const DEFAULT_SLACK_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 /// a hundred times what the drives' own stop can cause, and at the tool less than 1 cm.
 pub const COUPLING_TOLERANCE_RAD: f64 = 0.02;
 
-/// What bounds the motion. All numbers must be positive and finite.
+/// A joint position beyond this is absurd, rad: two turns, where no joint has one and a half.
+pub const ABSURD_RAD: f64 = 4.0 * std::f64::consts::PI;
+/// A joint velocity beyond this is absurd, rad/s: seventy times what the fastest joint can.
+pub const ABSURD_RAD_PER_S: f64 = 100.0;
+
+/// What bounds the motion. All numbers must be positive and finite, but for the tool's
+/// speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
     /// Length of a drive cycle, ns.
@@ -35,6 +41,8 @@ pub struct Parameters {
     pub max_acceleration_rad_per_s2: [f64; 2],
     /// How far theta2 may leave the envelope, rad.
     pub slack_rad: f64,
+    /// Highest speed of the camera over the table, m/s; infinite for none.
+    pub max_tool_speed_m_per_s: f64,
 }
 
 /// What the drives report.
@@ -79,6 +87,7 @@ impl Parameters {
             max_speed_rad_per_s: [links[0].max_speed_rad_per_s, links[1].max_speed_rad_per_s],
             max_acceleration_rad_per_s2: [pursuit_kinematics::limits::DEFAULT_MAX_ACCELERATION_RAD_PER_S2; 2],
             slack_rad: DEFAULT_SLACK_RAD,
+            max_tool_speed_m_per_s: f64::INFINITY,
         }
     }
 }
@@ -125,12 +134,20 @@ impl Driver {
             let cycle_s = parameters.cycle_ns as f64 * 1e-9;
             Limits::new(ranges[axis], speed, parameters.max_acceleration_rad_per_s2[axis], cycle_s)
         };
+        if !(parameters.max_tool_speed_m_per_s > 0.0) {
+            return Err(LimitsError::ToolSpeed { max_tool_speed_m_per_s: parameters.max_tool_speed_m_per_s });
+        }
         Ok(Driver { parameters, limits: [limits(0)?, limits(1)?], coupling })
     }
 
     /// What bounds the motion.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
+    }
+
+    /// The coupling of the other joints.
+    pub fn coupling(&self) -> &Coupling {
+        &self.coupling
     }
 
     /// Limits of joints 1 and 2 as they are enforced.
@@ -154,13 +171,41 @@ impl Driver {
         set_point: Option<(&SetPoint, &Stamp)>,
         cycles: usize,
     ) -> Command {
+        match self.gate(now_ns, epoch, set_point) {
+            Ok(goal) => self.go(now_ns, drives, Some(goal), None, cycles),
+            Err(refusal) => self.rest(now_ns, drives, refusal, cycles),
+        }
+    }
+
+    /// What the gates say of a set-point.
+    ///
+    /// # Errors
+    /// Why it must not be followed.
+    pub fn judge(
+        &self,
+        now_ns: u64,
+        epoch: u64,
+        set_point: Option<(&SetPoint, &Stamp)>,
+    ) -> Result<(), Refusal> {
+        self.gate(now_ns, epoch, set_point).map(|_| ())
+    }
+
+    /// The next `cycles` drive cycles of coming to rest, or of staying there, because of `refusal`.
+    pub fn rest(&self, now_ns: u64, drives: &Drives, refusal: Refusal, cycles: usize) -> Command {
+        self.go(now_ns, drives, None, Some(refusal), cycles)
+    }
+
+    fn go(
+        &self,
+        now_ns: u64,
+        drives: &Drives,
+        goal: Option<Goal>,
+        refusal: Option<Refusal>,
+        cycles: usize,
+    ) -> Command {
         let issued = match self.issued(drives) {
             Ok(issued) => issued,
             Err(refusal) => return Command::empty(refusal),
-        };
-        let (goal, refusal) = match self.gate(now_ns, epoch, set_point) {
-            Ok(goal) => (Some(goal), None),
-            Err(refusal) => (None, Some(refusal)),
         };
         let mut command = Command { cycles: [DriveCycle::default(); MAX_CYCLES], count: 0, refusal };
         let mut motion = issued;
@@ -189,6 +234,10 @@ impl Driver {
         }
         if !set_point.position.iter().chain(&set_point.velocity).all(|value| value.is_finite()) {
             return Err(Refusal::NotFinite);
+        }
+        let absurd = |values: &[f64; 2], most: f64| values.iter().any(|value| value.abs() > most);
+        if absurd(&set_point.position, ABSURD_RAD) || absurd(&set_point.velocity, ABSURD_RAD_PER_S) {
+            return Err(Refusal::Absurd);
         }
         let age_ns = now_ns.checked_sub(stamp.exposure_ns).ok_or(Refusal::FromTheFuture)?;
         if age_ns > self.parameters.watchdog_ns {
@@ -238,10 +287,34 @@ impl Driver {
             };
             next[axis] = limited.ok()?;
         }
+        if goal.is_some() {
+            self.slow_the_tool(issued, &mut next);
+        }
         let theta = next.map(|motion| motion.position);
         let position = self.coupling.joints(theta[0], theta[1])?;
         let velocity = self.coupling.velocities(theta, next.map(|motion| motion.velocity));
         Some((next, DriveCycle { position, velocity }))
+    }
+}
+
+impl Driver {
+    /// Takes speed out of both joints alike where the camera would be too fast over the table at either end
+    /// of the cycle. Slower in the same direction is always within the other limits; where the acceleration
+    /// does not suffice it is the one that is kept.
+    fn slow_the_tool(&self, issued: [Motion; 2], next: &mut [Motion; 2]) {
+        let velocity = next.map(|motion| motion.velocity);
+        let at = |motions: &[Motion; 2]| {
+            let [x, y] = self.coupling.camera_velocity(motions.map(|motion| motion.position), velocity);
+            x.hypot(y)
+        };
+        let fastest = at(&issued).max(at(next));
+        if fastest <= self.parameters.max_tool_speed_m_per_s {
+            return;
+        }
+        let share = self.parameters.max_tool_speed_m_per_s / fastest;
+        for axis in 0..2 {
+            next[axis] = self.limits[axis].towards(issued[axis], share * velocity[axis]);
+        }
     }
 }
 

@@ -174,6 +174,7 @@ impl Cell {
             position: read.position,
             velocity: read.velocity,
             issued_position: issued.position,
+            demanded_position: read.demanded,
             issued_velocity: issued.velocity,
             camera_position: camera.translation,
             camera_rotation: camera.rotation,
@@ -385,5 +386,6 @@ impl Cell {
 }
 
 fn instant(world: &World, vehicle: &Vehicle) -> Instant {
-    Instant { position: world.positions(), velocity: world.velocities(), vehicle: vehicle.pose() }
+    let (demanded, _) = world.set_point();
+    Instant { position: world.positions(), velocity: world.velocities(), demanded, vehicle: vehicle.pose() }
 }

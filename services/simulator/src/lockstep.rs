@@ -23,7 +23,7 @@ const SHOWN_AGAIN: usize = MAX_BASELINE as usize;
 /// Lock-step epochs have no start time: the same run has the same epoch.
 const EPOCH: u64 = 1;
 /// Version of what is checkpointed.
-const SCHEMA: u32 = 2;
+const SCHEMA: u32 = 3;
 /// Room for a checkpoint; a cell takes about 20 kB.
 const CHECKPOINT_BYTES: usize = 1 << 18;
 

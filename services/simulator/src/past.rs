@@ -12,6 +12,8 @@ pub(crate) struct Instant {
     pub(crate) position: [f64; JOINTS],
     /// Measured joint velocities, rad/s.
     pub(crate) velocity: [f64; JOINTS],
+    /// Where the drives were told to be, rad.
+    pub(crate) demanded: [f64; JOINTS],
     pub(crate) vehicle: Pose2,
 }
 

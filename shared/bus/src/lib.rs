@@ -134,6 +134,7 @@ impl Bus {
         self.hold::<topics::VoteFields>(&mut held)?;
         self.hold::<topics::Targets>(&mut held)?;
         self.hold::<topics::JointStates>(&mut held)?;
+        self.hold::<topics::DriverStates>(&mut held)?;
         self.hold::<topics::SetPoints>(&mut held)?;
         self.hold::<topics::LearnerStates>(&mut held)?;
         self.hold::<topics::WorldStates>(&mut held)?;
@@ -236,6 +237,7 @@ pub fn memory_budget(frame_bytes: usize) -> usize {
         + of::<topics::VoteFields>(size_of::<pursuit_messages::Votes>())
         + of::<topics::Targets>(size_of::<pursuit_messages::Target>())
         + of::<topics::JointStates>(size_of::<pursuit_messages::Joints>())
+        + of::<topics::DriverStates>(size_of::<pursuit_messages::DriverState>())
         + of::<topics::SetPoints>(size_of::<pursuit_messages::SetPoint>())
         + of::<topics::LearnerStates>(size_of::<pursuit_messages::LearnerState>())
         + of::<topics::WorldStates>(size_of::<pursuit_messages::WorldState>())

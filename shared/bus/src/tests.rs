@@ -137,7 +137,7 @@ fn nothing_is_left_after_a_wipe() {
     {
         let bus = Bus::join(&cell.instance, "test").unwrap();
         let held = bus.hold_all_topics().unwrap();
-        assert_eq!(held.count(), 9);
+        assert_eq!(held.count(), 10);
         let writer = bus.frame_publisher(1 << 16).unwrap();
         assert!(!cell.instance.shared_memory_objects().is_empty());
         std::mem::forget(writer);

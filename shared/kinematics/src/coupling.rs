@@ -212,6 +212,14 @@ impl Coupling {
         [r * cos + d3 * sin, r * sin - d3 * cos]
     }
 
+    /// Velocity of the camera over the table along the reach and across it, m/s, when joints 1 and 2 stand at
+    /// `theta_rad` and turn with `rate_rad_per_s`: the derivative of [`Coupling::camera_xy`], turned by theta1.
+    pub fn camera_velocity(&self, theta_rad: [f64; 2], rate_rad_per_s: [f64; 2]) -> [f64; 2] {
+        let [rate1, rate2] = rate_rad_per_s;
+        let along = self.reach_per_theta2(theta_rad[1]) * rate2 + self.shoulder_offset_m() * rate1;
+        [along, self.reach_m(theta_rad[1]) * rate1]
+    }
+
     /// (theta1, theta2) that put the camera over the point `xy_m` of the table, theta1 in (-pi, pi];
     /// `None` when the arm cannot stand so. Inverse of [`Coupling::camera_xy`]. Not bound to the
     /// envelope.

@@ -55,6 +55,12 @@ pub enum LimitsError {
         /// Length of a cycle, s.
         cycle_s: f64,
     },
+    /// A limit of the tool's speed is not usable.
+    #[error("the limit of the tool's speed must be positive, is {max_tool_speed_m_per_s} m/s")]
+    ToolSpeed {
+        /// Highest speed, m/s.
+        max_tool_speed_m_per_s: f64,
+    },
     /// The issued state or the goal is not finite.
     #[error("not finite: issued {issued:?}, goal {goal:?}")]
     NotFinite {
@@ -188,8 +194,9 @@ impl Limits {
         speed.copysign(rest)
     }
 
-    /// The end of the cycle when the velocity goes towards `wanted` as far as the limits allow.
-    fn towards(&self, issued: Motion, wanted: f64) -> Motion {
+    /// The end of the cycle when the velocity goes towards `wanted` rad/s as far as speed and acceleration
+    /// limits allow; the position limits are not looked at.
+    pub fn towards(&self, issued: Motion, wanted: f64) -> Motion {
         let step = self.speed_step();
         let velocity = wanted
             .clamp(-self.max_speed_rad_per_s, self.max_speed_rad_per_s)

@@ -7,10 +7,12 @@
 //! the centre of the top-left pixel (u to the right, v down).
 
 pub mod payload;
+pub mod safety;
 pub mod stamp;
 pub mod topics;
 pub mod world;
 
 pub use payload::*;
+pub use safety::{ArmEvent, ArmState, DriverState};
 pub use stamp::{ImageShape, Service, Stage, StageStamp, Stamp};
 pub use world::*;

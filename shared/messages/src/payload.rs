@@ -286,6 +286,38 @@ pub enum Refusal {
     OldEpoch = 6,
     /// No set-point has come yet.
     None = 7,
+    /// Of a frame before the last one used: it comes from the past.
+    Backwards = 8,
+    /// Finite, but so large that no sane sender sends it.
+    Absurd = 9,
+    /// The arm has not been activated.
+    Inactive = 10,
+    /// The arm is stopped until an operator's reset.
+    Stopped = 11,
+}
+
+impl Refusal {
+    /// Why, for people.
+    pub fn text(self) -> &'static str {
+        match self {
+            Refusal::Hold => "it says hold",
+            Refusal::NotFinite => "it is not finite",
+            Refusal::Stale => "its frame is too old",
+            Refusal::FromTheFuture => "its frame is from the future",
+            Refusal::OutOfRange => "it is outside the working envelope",
+            Refusal::OldEpoch => "it is of another epoch",
+            Refusal::None => "there is none",
+            Refusal::Backwards => "its frame is older than the one before",
+            Refusal::Absurd => "it is absurdly large",
+            Refusal::Inactive => "the arm has not been activated",
+            Refusal::Stopped => "the arm is stopped",
+        }
+    }
+
+    /// Whether it says that the sender is broken, not that there is nothing to follow.
+    pub fn is_bad_data(self) -> bool {
+        matches!(self, Refusal::NotFinite | Refusal::Absurd)
+    }
 }
 
 /// What the learner is doing.

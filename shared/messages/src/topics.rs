@@ -6,6 +6,7 @@
 //! | VOTES | vision | segmentation |
 //! | TARGET | segmentation | learner |
 //! | JOINTS | arm-driver | learner |
+//! | DRIVER_STATE | arm-driver | supervisor, `pursuit stop`, `pursuit reset` |
 //! | SETPOINT | learner | arm-driver |
 //! | LEARNER_STATE | learner | simulator (evaluation) |
 //! | WORLD_STATE | simulator | acquisition (simulated camera), arm-driver (simulated drives) |
@@ -16,6 +17,7 @@
 //! numbers of readers.
 
 use crate::payload::*;
+use crate::safety::DriverState;
 use crate::world::*;
 
 /// The two frames that vision compares are at most so many frames apart. Who comes late finds as many before
@@ -89,6 +91,10 @@ topic!(
     JointStates, Joints, "joints/v1", kept(2, 10, 64, 2, 16)
 );
 topic!(
+    /// The arm driver's state.
+    DriverStates, DriverState, "driver-state/v1", kept(2, 8, 16, 2, 1)
+);
+topic!(
     /// Set-points: the newest wins.
     SetPoints, SetPoint, "setpoint/v1", kept(2, 10, 4, 4, 1)
 );
@@ -98,7 +104,7 @@ topic!(
 );
 topic!(
     /// The simulated world.
-    WorldStates, WorldState, "world-state/v2", kept(2, 10, 16, 2, SPANNED)
+    WorldStates, WorldState, "world-state/v3", kept(2, 10, 16, 2, SPANNED)
 );
 topic!(
     /// Commands to the simulated drives.

@@ -21,7 +21,7 @@ pub enum SceneKind {
 /// readings for the arm driver's simulated drives. Nothing else may read it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/WorldState/2")]
+#[type_name("pursuit/WorldState/3")]
 pub struct WorldState {
     /// Simulated time, ns (lock-step), or CLOCK_MONOTONIC of the tick (wall clock).
     pub time_ns: u64,
@@ -41,6 +41,8 @@ pub struct WorldState {
     pub issued_position: [f64; JOINTS],
     /// Velocity of the last command that the drives accepted, rad/s.
     pub issued_velocity: [f64; JOINTS],
+    /// Where the drives were told to be when the joints were read, rad.
+    pub demanded_position: [f64; JOINTS],
     /// Base from camera, translation, m.
     pub camera_position: [f64; 3],
     /// Base from camera, unit quaternion (x, y, z, w); the camera looks along its +z.

@@ -161,6 +161,7 @@ payload!(WorldState {
     velocity,
     issued_position,
     issued_velocity,
+    demanded_position,
     camera_position,
     camera_rotation,
     focal_px,

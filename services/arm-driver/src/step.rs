@@ -134,7 +134,7 @@ impl Driver {
             let cycle_s = parameters.cycle_ns as f64 * 1e-9;
             Limits::new(ranges[axis], speed, parameters.max_acceleration_rad_per_s2[axis], cycle_s)
         };
-        if !(parameters.max_tool_speed_m_per_s > 0.0) {
+        if parameters.max_tool_speed_m_per_s.is_nan() || parameters.max_tool_speed_m_per_s <= 0.0 {
             return Err(LimitsError::ToolSpeed { max_tool_speed_m_per_s: parameters.max_tool_speed_m_per_s });
         }
         Ok(Driver { parameters, limits: [limits(0)?, limits(1)?], coupling })

@@ -32,6 +32,8 @@ pub struct Detector {
     pub paper: Parameters,
     /// Parameters of robust mode.
     pub robust: RobustParameters,
+    /// Time from the older frame of a pair to the newest, ms; frames of files are taken one after the other.
+    pub baseline_ms: f64,
 }
 
 impl Config {
@@ -39,8 +41,8 @@ impl Config {
     pub fn read(checker: &Checker<'_>) -> Config {
         let run = settings::Run::read(checker);
         let camera = settings::Camera::read(checker);
-        let baseline_ms = checker.section("vision").float_or("baseline_ms", 1.0..=1000.0, BASELINE_MS);
-        Config { run, camera, detector: read(checker), baseline: baseline(baseline_ms, camera.rate_hz) }
+        let detector = read(checker);
+        Config { run, camera, detector, baseline: baseline(detector.baseline_ms, camera.rate_hz) }
     }
 }
 
@@ -73,5 +75,6 @@ pub fn read(checker: &Checker<'_>) -> Detector {
     robust.symmetric = section.flag_or("symmetric", robust.symmetric);
     robust.turn = section.flag_or("turn", robust.turn);
     robust.evidence.untuned = section.flag_or("untuned", robust.evidence.untuned);
-    Detector { mode, paper, robust }
+    let baseline_ms = section.float_or("baseline_ms", 1.0..=1000.0, BASELINE_MS);
+    Detector { mode, paper, robust, baseline_ms }
 }

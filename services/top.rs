@@ -10,6 +10,7 @@ use pursuit_supervisor::status::ServiceStatus;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Allowed times between two screens, s.
@@ -20,14 +21,15 @@ const CLEAR: &str = "\x1b[H\x1b[2J";
 /// Runs the verb; it ends when the system does, or when nobody reads any more.
 pub fn run(options: &Top) -> u8 {
     let directory = options.place.directory();
-    // Asked for the sentence that it says when nothing runs.
-    if let Err(code) = control_of(&directory, &Request::Status) {
-        return code;
-    }
     if !EVERY.contains(&options.every) {
         eprintln!("pursuit top: --every must be {} to {} seconds", EVERY.start(), EVERY.end());
         return exit::DO_NOT_RESTART;
     }
+    // Asked first for the sentence that it says when nothing runs.
+    let (mut rates, services) = match services_of(&directory) {
+        Ok(services) => (Rates::default(), services),
+        Err(code) => return code,
+    };
     let mut watch = match Watch::join(&directory) {
         Ok(watch) => watch,
         Err(error) => {
@@ -35,12 +37,11 @@ pub fn run(options: &Top) -> u8 {
             return error.exit_code();
         }
     };
-    let mut rates = Rates::default();
+    rates.update(&services, Instant::now());
     loop {
         watch.keep_watching(Duration::from_secs_f64(options.every));
-        let services = match control_of(&directory, &Request::Status) {
-            Ok(Answer::Status { services }) => services,
-            Ok(_) => return exit::FAILED,
+        let services = match services_of(&directory) {
+            Ok(services) => services,
             Err(code) => return code,
         };
         let text = screen(&services, &rates.update(&services, Instant::now()), &watch.account);
@@ -50,6 +51,13 @@ pub fn run(options: &Top) -> u8 {
         if options.once || written.is_err() {
             return exit::OK;
         }
+    }
+}
+
+fn services_of(directory: &Path) -> Result<Vec<ServiceStatus>, u8> {
+    match control_of(directory, &Request::Status)? {
+        Answer::Status { services } => Ok(services),
+        _ => Err(exit::FAILED),
     }
 }
 

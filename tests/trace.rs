@@ -38,7 +38,7 @@ fn trace_tells_where_the_time_of_each_frame_went() {
     let output = place.command(&["top", "--once"]).output().expect("pursuit top runs");
     let (screen, errors) = text(&output);
     assert!(output.status.success(), "{errors}");
-    for word in ["observer", "running", "frames/s", "wait p99", "end to end", "target", "learner"] {
+    for word in ["observer", "running", "frames/s", "wait p99", "end to end", "target", "learner  training"] {
         assert!(screen.contains(word), "no {word} on the screen:\n{screen}");
     }
     system.signal(rustix::process::Signal::TERM);

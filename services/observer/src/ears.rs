@@ -69,7 +69,8 @@ impl Ears {
     /// Tells all that came since the last call, topic by topic in the order of a frame's way, each oldest
     /// first; how often a topic could not be read.
     pub fn listen(&self, mut tell: impl FnMut(Heard<'_>)) -> u64 {
-        let mut failures = 0;
+        // First, so that a service that was restarted is known before its first answer.
+        let mut failures = each(&self.healths, |_, health| tell(Heard::Health(health)));
         // At most what a topic keeps: a writer faster than this reader does not hold it up here.
         for _ in 0..Frames::QUALITY.buffer {
             match self.frames.receive() {
@@ -85,7 +86,6 @@ impl Ears {
         failures += each(&self.commands, |stamp, command| tell(Heard::Command(stamp, command)));
         failures += each(&self.joints, |stamp, joints| tell(Heard::Joints(stamp, joints)));
         failures += each(&self.worlds, |stamp, world| tell(Heard::World(stamp, world)));
-        failures += each(&self.healths, |_, health| tell(Heard::Health(health)));
         failures
     }
 

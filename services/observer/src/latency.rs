@@ -57,6 +57,8 @@ pub struct Told {
     pub fate: Fate,
     /// Its times, where it was acted on.
     pub times: Option<Times>,
+    /// See [`Journey::restarted_at`].
+    pub restarted_at: Option<usize>,
 }
 
 /// All histograms, and the last frames.
@@ -92,7 +94,7 @@ impl Latency {
         if self.frames.len() == REMEMBERED {
             self.frames.pop_front();
         }
-        self.frames.push_back(Told { stamp: journey.stamp, fate, times });
+        self.frames.push_back(Told { stamp: journey.stamp, fate, times, restarted_at: journey.restarted_at });
     }
 
     /// The hop, and whether its waiting (else computing), that makes the slow tenth of the frames slow: where
@@ -130,6 +132,10 @@ impl Latency {
             (Fate::Superseded { hop, by }, _) => format!("{} took frame {by} instead", HOPS[hop].name()),
             (Fate::Dropped { hop, reason }, _) => {
                 format!("{} refused it (reason {reason})", HOPS[hop].name())
+            }
+            (Fate::Acted, Some(_)) if told.restarted_at.is_some() => {
+                let hop = told.restarted_at.unwrap_or_default();
+                format!("{} was restarted meanwhile", HOPS[hop].name())
             }
             (Fate::Acted, None) => "its times are not known".to_owned(),
             (Fate::Acted, Some(times)) => {

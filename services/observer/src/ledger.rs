@@ -1,14 +1,14 @@
 //! What became of each frame. Pure: messages in, any order, some missing; every frame number of an epoch ends
 //! in exactly one state.
 
-use pursuit_messages::{Service, Stamp};
+use pursuit_messages::{Refusal, Service, Stamp};
 use std::collections::VecDeque;
 
 /// The hops of a frame, in the order of its way.
 pub const HOPS: [Service; 5] =
     [Service::Acquisition, Service::Vision, Service::Segmentation, Service::Learner, Service::ArmDriver];
 const LAST: usize = HOPS.len() - 1;
-/// A frame's state is final when this many newer ones have come: messages of a frame come within a few.
+/// The state of a frame that was not acted on is final when this many newer ones have come.
 const SETTLED: u64 = 32;
 /// A jump of the frame number that is larger than this is taken for a beginning: nothing is asked of the gap.
 const MAX_GAP: u64 = 10_000;
@@ -73,7 +73,15 @@ pub struct Journey {
     /// The hops that sent something of it.
     reached: [bool; HOPS.len()],
     refusal: Option<u32>,
-    restarted_at: Option<usize>,
+    /// The hop that it had not passed when the hop's process was seen to be replaced, as in [`HOPS`].
+    pub restarted_at: Option<usize>,
+}
+
+impl Journey {
+    /// Whether a command was issued for it; "hold" is one too.
+    fn is_acted_on(&self) -> bool {
+        self.refusal.is_some_and(|refusal| refusal == 0 || refusal == Refusal::Hold as u32)
+    }
 }
 
 /// The frames on their way, and the sums.
@@ -136,6 +144,9 @@ impl Ledger {
         if hop == LAST {
             journey.refusal = Some(journey.refusal.map_or(refusal, |before| before.min(refusal)));
         }
+        // What was acted on is final at once, in the order of the frames.
+        let acted = self.open.iter().take_while(|journey| journey.is_acted_on()).count();
+        self.settle(self.open.len() - acted, settled);
     }
 
     /// Takes in that a service runs in another process than before: what it had taken may be lost.
@@ -201,9 +212,7 @@ impl Ledger {
 
     fn fate(&self, journey: &Journey) -> Fate {
         match journey.refusal {
-            // "Hold" is an answer too.
-            Some(0) => return Fate::Acted,
-            Some(reason) if reason == pursuit_messages::Refusal::Hold as u32 => return Fate::Acted,
+            _ if journey.is_acted_on() => return Fate::Acted,
             Some(reason) => return Fate::Dropped { hop: LAST, reason },
             None => {}
         }

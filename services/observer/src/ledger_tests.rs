@@ -46,6 +46,16 @@ fn a_late_message_of_an_earlier_hop_changes_nothing() {
 }
 
 #[test]
+fn a_frame_that_outlived_a_crash_says_so() {
+    let (mut ledger, mut restarted) = (Ledger::default(), Vec::new());
+    let mut settled = |journey: &Journey, fate| restarted.push((fate, journey.restarted_at));
+    ledger.take(0, &stamp(0, 1), 0, &mut settled);
+    ledger.restarted(Service::Vision);
+    ledger.take(4, &stamp(0, 5), 0, &mut settled);
+    assert_eq!(restarted, [(Fate::Acted, Some(1))], "and it is final at once");
+}
+
+#[test]
 fn a_refused_set_point_is_dropped_and_hold_is_not() {
     let (mut ledger, mut ended) = (Ledger::default(), Vec::new());
     for (frame, refusal) in [(0, 3), (1, 1), (2, 0)] {

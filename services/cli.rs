@@ -42,6 +42,14 @@ pub enum Verb {
     Top(Top),
     /// Where do the frames' times go? Latency of the running system, hop by hop.
     Trace(Trace),
+    /// One page on one of the last 512 frames: times, what vision saw, what was decided, what the arm did.
+    Why {
+        /// Its number.
+        frame: u64,
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+    },
     /// End one service and start it again.
     Restart {
         /// Its name.

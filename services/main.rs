@@ -49,6 +49,7 @@ fn main() -> ExitCode {
         Verb::Status { place, json } => show_status(&place.directory(), json),
         Verb::Top(options) => top::run(&options),
         Verb::Trace(options) => trace::run(&options),
+        Verb::Why { frame, place } => trace::why(frame, &place.directory()),
         Verb::Restart { service, place } => {
             settle(control_of(&place.directory(), &Request::Restart { service }))
         }

@@ -162,6 +162,7 @@ fn every_verb_is_in_the_readme() {
         "status",
         "top",
         "trace",
+        "why",
         "restart",
         "down",
         "record",

@@ -3,7 +3,7 @@
 mod support;
 
 use std::io::{Read, Write};
-use support::{Place, json, pid_of, text, wait_for};
+use support::{Place, json, text, wait_for};
 
 #[test]
 fn trace_tells_where_the_time_of_each_frame_went() {
@@ -65,34 +65,29 @@ fn metrics_of_a_running_system_can_be_scraped() {
     let place = Place::new();
     let mut system = place.up(&["--set", "run.pace=real", "--set", "observer.metrics=127.0.0.1:0"]);
     system.wait_until_running();
-    // The observer says on which port it listens only at info level; the kernel knows it too.
     let acted = wait_for(|| {
         let page = scrape(port_of(&place)?)?;
         let line = page.lines().find(|line| line.starts_with("pursuit_frames_total{state=\"acted\"}"))?;
         line.rsplit(' ').next()?.parse::<u64>().ok().filter(|acted| *acted > 0)
     });
     assert!(acted.is_some(), "no frame was counted\n{}", place.log());
+    let output = place.command(&["why", "999999999"]).output().expect("pursuit why runs");
+    assert_eq!(output.status.code(), Some(1));
+    let (_, errors) = text(&output);
+    let newest = errors.trim().rsplit(' ').next().unwrap_or_default().to_owned();
+    assert!(newest.parse::<u64>().is_ok(), "it says which frames there are: {errors}");
+    let page = text(&place.command(&["why", &newest]).output().expect("pursuit why runs")).0;
+    for word in ["vision", "segmentation", "learner", "arm-driver", "computed"] {
+        assert!(page.contains(word), "no {word} on the page:\n{page}");
+    }
     system.signal(rustix::process::Signal::TERM);
     assert!(system.end().0.success());
 }
 
-/// The port on which the place's observer listens: its one listening socket.
+/// The port on which the place's observer listens.
 fn port_of(place: &Place) -> Option<u16> {
-    let pid = pid_of(&place.status()?, "observer");
-    let sockets: Vec<String> = std::fs::read_dir(format!("/proc/{pid}/fd"))
-        .ok()?
-        .flatten()
-        .filter_map(|entry| std::fs::read_link(entry.path()).ok())
-        .filter_map(|link| Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned()))
-        .collect();
-    let table = std::fs::read_to_string("/proc/net/tcp").ok()?;
-    table.lines().skip(1).find_map(|line| {
-        let columns: Vec<&str> = line.split_whitespace().collect();
-        let listens =
-            columns.get(3) == Some(&"0A") && sockets.iter().any(|s| columns.get(9) == Some(&s.as_str()));
-        let port = columns.get(1)?.rsplit(':').next()?;
-        listens.then(|| u16::from_str_radix(port, 16).ok()).flatten()
-    })
+    let address = std::fs::read_to_string(place.run_dir().join("observer.address")).ok()?;
+    address.rsplit(':').next()?.parse().ok()
 }
 
 fn scrape(port: u16) -> Option<String> {

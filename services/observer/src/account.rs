@@ -38,7 +38,15 @@ impl Account {
     /// Listens once; how often a topic could not be read. The first time only says where to begin: what the
     /// topics still keep of the time before is incomplete.
     pub fn listen(&mut self, ears: &Ears) -> u64 {
-        let failures = ears.listen(|heard| self.take(&heard));
+        self.listen_with(ears, |_| {})
+    }
+
+    /// As [`Account::listen`]; `also` hears everything too.
+    pub fn listen_with(&mut self, ears: &Ears, mut also: impl FnMut(&Heard<'_>)) -> u64 {
+        let failures = ears.listen(|heard| {
+            self.take(&heard);
+            also(&heard);
+        });
         if let Some((epoch, frame)) = self.newest.filter(|_| !self.begun) {
             self.ledger.begin_after(epoch, frame);
             self.begun = true;

@@ -1,9 +1,8 @@
-//! The metrics over HTTP, on a thread of its own: whoever asks slowly or never ends delays no one but who asks
+//! What the observer tells over HTTP, on a thread of its own: whoever asks slowly or never ends delays no one but who asks
 //! after him, and him by at most [`PATIENCE`].
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A client has so long to ask, and to take its answer.
@@ -11,11 +10,14 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Longest question, bytes.
 const LONGEST: usize = 8192;
 
-/// Serves `page` at `/metrics`; the address that it listens on.
+/// Serves what `page` says of a path, 404 where it says nothing; the address that it listens on.
 ///
 /// # Errors
 /// Where the address cannot be bound or there is no thread.
-pub fn serve(address: SocketAddr, page: Arc<Mutex<String>>) -> std::io::Result<SocketAddr> {
+pub fn serve(
+    address: SocketAddr,
+    page: impl Fn(&str) -> Option<String> + Send + 'static,
+) -> std::io::Result<SocketAddr> {
     let listener = TcpListener::bind(address)?;
     let bound = listener.local_addr()?;
     std::thread::Builder::new().name("metrics".to_owned()).spawn(move || {
@@ -30,7 +32,7 @@ pub fn serve(address: SocketAddr, page: Arc<Mutex<String>>) -> std::io::Result<S
     Ok(bound)
 }
 
-fn answer(mut stream: TcpStream, page: &Mutex<String>) -> std::io::Result<()> {
+fn answer(mut stream: TcpStream, page: &impl Fn(&str) -> Option<String>) -> std::io::Result<()> {
     let end = Instant::now() + PATIENCE;
     stream.set_write_timeout(Some(PATIENCE))?;
     let mut question = Vec::new();
@@ -46,10 +48,11 @@ fn answer(mut stream: TcpStream, page: &Mutex<String>) -> std::io::Result<()> {
             count => question.extend_from_slice(&part[..count]),
         }
     }
-    let (status, body) = if question.starts_with(b"GET /metrics ") {
-        ("200 OK", page.lock().unwrap_or_else(PoisonError::into_inner).clone())
-    } else {
-        ("404 Not Found", "there is only /metrics here\n".to_owned())
+    let question = String::from_utf8_lossy(&question);
+    let path = question.strip_prefix("GET ").and_then(|rest| rest.split(' ').next());
+    let (status, body) = match path.and_then(page) {
+        Some(body) => ("200 OK", body),
+        None => ("404 Not Found", "there are only /metrics and /frames/NUMBER here\n".to_owned()),
     };
     let head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
@@ -62,6 +65,7 @@ fn answer(mut stream: TcpStream, page: &Mutex<String>) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::{Arc, Mutex};
 
     fn ask(address: SocketAddr, path: &str) -> String {
         let mut stream = TcpStream::connect(address).unwrap();
@@ -74,12 +78,14 @@ mod tests {
     #[test]
     fn metrics_are_served_also_after_a_client_that_says_nothing() {
         let page = Arc::new(Mutex::new("one 1\n".to_owned()));
-        let address = serve(([127, 0, 0, 1], 0).into(), Arc::clone(&page)).unwrap();
+        let of = Arc::clone(&page);
+        let told = move |path: &str| (path == "/metrics").then(|| of.lock().unwrap().clone());
+        let address = serve(([127, 0, 0, 1], 0).into(), told).unwrap();
         let _silent = TcpStream::connect(address).unwrap();
         assert!(ask(address, "/metrics").ends_with("\r\n\r\none 1\n"));
         *page.lock().unwrap() = "two 2\n".to_owned();
         assert!(ask(address, "/metrics").ends_with("two 2\n"));
         assert!(ask(address, "/").starts_with("HTTP/1.1 404"));
-        assert!(serve(address, page).is_err(), "a port in use is an error");
+        assert!(serve(address, |_| None).is_err(), "a port in use is an error");
     }
 }

@@ -8,6 +8,7 @@
 
 pub mod account;
 pub mod config;
+pub mod dossier;
 pub mod ears;
 pub mod endpoint;
 pub mod histogram;
@@ -19,6 +20,7 @@ pub mod timeline;
 
 use account::Account;
 use config::Config;
+use dossier::Dossiers;
 use ears::Ears;
 use pursuit_bus::{Bus, Instance};
 use pursuit_config::{Checker, Document, Scope};
@@ -27,7 +29,7 @@ use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, place};
 use std::net::SocketAddr;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Metrics are written anew so often.
@@ -42,15 +44,17 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let ears = Ears::open(&station.bus)?;
     let look_ns = config.look().as_nanos() as u64;
     let mut account = Account::new(config.run.clock == Clock::Wall);
-    let page = Arc::new(Mutex::new(metrics::exposition(&account)));
+    let told = Arc::new(Told { metrics: Mutex::new(String::new()), dossiers: Mutex::default() });
     if let Some(address) = config.metrics {
-        serve_metrics(address, &page);
+        serve(address, &told, station.directory());
     }
     let mut failures = 0;
     let (mut newest, mut next_page_ns) = (None, 0);
     while station.turn() {
         let begin = monotonic_ns();
-        failures += account.listen(&ears);
+        let mut dossiers = unpoisoned(&told.dossiers);
+        failures += account.listen_with(&ears, |heard| dossiers.take(heard));
+        drop(dossiers);
         if account.newest() != newest
             && let Some((_, frame)) = account.newest()
         {
@@ -63,7 +67,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         }
         if config.metrics.is_some() && begin >= next_page_ns {
             next_page_ns = begin + PAGE_NS;
-            *page.lock().unwrap_or_else(PoisonError::into_inner) = metrics::exposition(&account);
+            *unpoisoned(&told.metrics) = metrics::exposition(&account);
         }
         station.health.refused = ears.refused() + failures;
         sleep_until_ns(begin + look_ns);
@@ -71,9 +75,34 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     Ok(())
 }
 
+/// What can be asked for over HTTP.
+struct Told {
+    metrics: Mutex<String>,
+    dossiers: Mutex<Dossiers>,
+}
+
+impl Told {
+    fn page(&self, path: &str) -> Option<String> {
+        if path == "/metrics" {
+            return Some(unpoisoned(&self.metrics).clone());
+        }
+        let frame = path.strip_prefix("/frames/")?.parse().ok()?;
+        Some(unpoisoned(&self.dossiers).page(frame).unwrap_or_else(|none| none))
+    }
+}
+
+fn unpoisoned<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A port in use is no reason not to observe: it is said, with the way out.
-fn serve_metrics(address: SocketAddr, page: &Arc<Mutex<String>>) {
-    match endpoint::serve(address, Arc::clone(page)) {
+fn serve(address: SocketAddr, told: &Arc<Told>, directory: &Path) {
+    let told = Arc::clone(told);
+    let bound = endpoint::serve(address, move |path| told.page(path)).and_then(|bound| {
+        std::fs::write(directory.join(place::OBSERVER), bound.to_string())?;
+        Ok(bound)
+    });
+    match bound {
         Ok(bound) => tracing::info!("metrics at http://{bound}/metrics"),
         Err(error) => tracing::warn!(
             "no metrics at {address} ({error}): choose another address with --set observer.metrics=127.0.0.1:PORT"

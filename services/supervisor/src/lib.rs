@@ -141,7 +141,8 @@ fn sweep(directory: &Path) {
         let refused = pursuit_runtime::checkpoint::refused_name(&checkpoint);
         [children::log_file(directory, service), checkpoint, refused]
     });
-    let of_the_run = [place::CONFIG, place::CONTROL, place::JOURNAL, place::MOVES, place::TRAJECTORY];
+    let of_the_run =
+        [place::CONFIG, place::CONTROL, place::OBSERVER, place::JOURNAL, place::MOVES, place::TRAJECTORY];
     for file in of_the_run.map(|name| directory.join(name)).into_iter().chain(of_services) {
         let _ = std::fs::remove_file(file);
     }

@@ -23,6 +23,8 @@ pub const CONFIG: &str = "config.toml";
 pub const LOCK: &str = "lock";
 /// The supervisor's control socket.
 pub const CONTROL: &str = "control";
+/// The address at which the observer answers over HTTP.
+pub const OBSERVER: &str = "observer.address";
 /// One line per frame of the simulated run.
 pub const JOURNAL: &str = "journal.csv";
 /// One line per training move: what the network was after it.

@@ -58,6 +58,27 @@ pub enum Verb {
         #[command(flatten)]
         place: Place,
     },
+    /// Stop the arm, whatever else is alive; it stays at rest until `reset`.
+    Stop {
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+        /// A protective stop in place of an emergency stop.
+        #[arg(long)]
+        protective: bool,
+    },
+    /// End the arm's stops: an operator says that it may move again.
+    Reset {
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Let an arm follow set-points that is not activated by itself (`arm.activate = "operator"`).
+    Activate {
+        /// Where the instance lives.
+        #[command(flatten)]
+        place: Place,
+    },
     /// End everything.
     Down {
         /// Where the instance lives.

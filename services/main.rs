@@ -8,6 +8,7 @@ mod demo;
 mod detect;
 mod experiment;
 mod inprocess;
+mod operate;
 mod parallel;
 mod plots;
 mod progress;
@@ -53,6 +54,9 @@ fn main() -> ExitCode {
         Verb::Restart { service, place } => {
             settle(control_of(&place.directory(), &Request::Restart { service }))
         }
+        Verb::Stop { place, protective } => operate::stop(&place.directory(), protective),
+        Verb::Activate { place } => operate::activate(&place.directory()),
+        Verb::Reset { place } => operate::reset(&place.directory()),
         Verb::Down { place } => down(&place.directory()),
         Verb::Record(options) => record::run(&options),
         Verb::Detect(options) => detect(&options),

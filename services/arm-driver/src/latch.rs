@@ -60,6 +60,11 @@ impl Latches {
         WISHES.into_iter().filter(|(one, _)| *one == wish).try_for_each(|(_, name)| self.make(name))
     }
 
+    /// Whether a wish waits to be taken up.
+    pub fn wishes_for(&self, wish: Wish) -> bool {
+        WISHES.into_iter().any(|(one, name)| one == wish && self.is_there(name))
+    }
+
     /// Takes a wish up, which is then gone: a button that is held down counts once. One that cannot be taken
     /// away is none.
     pub fn take_wish(&self) -> Option<Wish> {

@@ -12,3 +12,6 @@ mod travel;
 pub use chain::{Activation, Chain, Latch, Look, Refused, Rules, Verdict, Wish};
 pub use machine::Machine;
 pub use travel::Travel;
+
+#[cfg(test)]
+mod tests;

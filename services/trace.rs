@@ -72,9 +72,10 @@ pub fn why(frame: u64, directory: &Path) -> u8 {
 
 fn ask(directory: &Path, frame: u64) -> std::io::Result<String> {
     let address = std::fs::read_to_string(directory.join(place::OBSERVER))?;
-    let mut stream = TcpStream::connect(address.trim())?;
+    let address = address.trim();
+    let mut stream = TcpStream::connect(address)?;
     stream.set_read_timeout(Some(PATIENCE))?;
-    write!(stream, "GET /frames/{frame} HTTP/1.1\r\nHost: localhost\r\n\r\n")?;
+    write!(stream, "GET /frames/{frame} HTTP/1.1\r\nHost: {address}\r\n\r\n")?;
     let mut answer = String::new();
     stream.read_to_string(&mut answer)?;
     Ok(answer.split_once("\r\n\r\n").map(|(_, page)| page.to_owned()).unwrap_or_default())

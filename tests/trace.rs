@@ -92,7 +92,7 @@ fn port_of(place: &Place) -> Option<u16> {
 
 fn scrape(port: u16) -> Option<String> {
     let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).ok()?;
-    stream.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n").ok()?;
+    write!(stream, "GET /metrics HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n").ok()?;
     let mut page = String::new();
     stream.read_to_string(&mut page).ok()?;
     Some(page)

@@ -15,6 +15,7 @@ pub mod histogram;
 pub mod latency;
 pub mod ledger;
 pub mod metrics;
+pub mod page;
 pub mod summary;
 pub mod timeline;
 
@@ -22,6 +23,8 @@ use account::Account;
 use config::Config;
 use dossier::Dossiers;
 use ears::Ears;
+use endpoint::Answer;
+use page::Live;
 use pursuit_bus::{Bus, Instance};
 use pursuit_config::{Checker, Document, Scope};
 use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
@@ -32,9 +35,6 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Metrics are written anew so often.
-const PAGE_NS: u64 = 500_000_000;
-
 /// Runs until stopped.
 ///
 /// # Errors
@@ -43,18 +43,27 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
     let ears = Ears::open(&station.bus)?;
     let look_ns = config.look().as_nanos() as u64;
-    let mut account = Account::new(config.run.clock == Clock::Wall);
-    let told = Arc::new(Told { metrics: Mutex::new(String::new()), dossiers: Mutex::default() });
+    let told = Arc::new(Told {
+        account: Mutex::new(Account::new(config.run.clock == Clock::Wall)),
+        dossiers: Mutex::default(),
+        live: Mutex::default(),
+    });
     if let Some(address) = config.metrics {
         serve(address, &told, station.directory());
     }
     let mut failures = 0;
-    let (mut newest, mut next_page_ns) = (None, 0);
+    let mut newest = None;
     while station.turn() {
         let begin = monotonic_ns();
-        let mut dossiers = unpoisoned(&told.dossiers);
-        failures += account.listen_with(&ears, |heard| dossiers.take(heard));
-        drop(dossiers);
+        let (mut account, mut dossiers) = (unpoisoned(&told.account), unpoisoned(&told.dossiers));
+        let mut live = unpoisoned(&told.live);
+        let watched = live.is_watched(begin);
+        failures += account.listen_with(&ears, |heard| {
+            dossiers.take(heard);
+            if watched {
+                live.take(heard);
+            }
+        });
         if account.newest() != newest
             && let Some((_, frame)) = account.newest()
         {
@@ -65,29 +74,34 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             account.mismatches += 1;
             tracing::error!(sums = ?account.sums(), "the account of the frames does not add up");
         }
-        if config.metrics.is_some() && begin >= next_page_ns {
-            next_page_ns = begin + PAGE_NS;
-            *unpoisoned(&told.metrics) = metrics::exposition(&account);
-        }
+        drop((account, dossiers, live));
         station.health.refused = ears.refused() + failures;
         sleep_until_ns(begin + look_ns);
     }
     Ok(())
 }
 
-/// What can be asked for over HTTP.
+/// What can be asked for over HTTP. Where several are locked, in this order.
 struct Told {
-    metrics: Mutex<String>,
+    account: Mutex<Account>,
     dossiers: Mutex<Dossiers>,
+    live: Mutex<Live>,
 }
 
 impl Told {
-    fn page(&self, path: &str) -> Option<String> {
-        if path == "/metrics" {
-            return Some(unpoisoned(&self.metrics).clone());
+    fn page(&self, path: &str) -> Option<Answer> {
+        let plain = |text| Answer::text("text/plain; version=0.0.4", text);
+        match path {
+            "/metrics" => Some(plain(metrics::exposition(&unpoisoned(&self.account)))),
+            "/live" => {
+                let account = unpoisoned(&self.account);
+                Some(unpoisoned(&self.live).answer(&account, monotonic_ns()))
+            }
+            _ => Live::file(path).or_else(|| {
+                let frame = path.strip_prefix("/frames/")?.parse().ok()?;
+                Some(plain(unpoisoned(&self.dossiers).page(frame).unwrap_or_else(|none| none)))
+            }),
         }
-        let frame = path.strip_prefix("/frames/")?.parse().ok()?;
-        Some(unpoisoned(&self.dossiers).page(frame).unwrap_or_else(|none| none))
     }
 }
 
@@ -103,9 +117,9 @@ fn serve(address: SocketAddr, told: &Arc<Told>, directory: &Path) {
         Ok(bound)
     });
     match bound {
-        Ok(bound) => tracing::info!("metrics at http://{bound}/metrics"),
+        Ok(bound) => tracing::info!("live page at http://{bound}/, metrics at http://{bound}/metrics"),
         Err(error) => tracing::warn!(
-            "no metrics at {address} ({error}): choose another address with --set observer.metrics=127.0.0.1:PORT"
+            "no live page and no metrics at {address} ({error}): choose another address with --set observer.metrics=127.0.0.1:PORT"
         ),
     }
 }

@@ -31,6 +31,7 @@ pub struct Reader {
     channels: BTreeMap<u16, Role>,
     images: u64,
     config: Option<String>,
+    has_footer: bool,
     closed: bool,
     first: Option<Entry>,
 }
@@ -56,6 +57,7 @@ impl Reader {
             channels: BTreeMap::new(),
             images: 0,
             config: None,
+            has_footer: false,
             closed: false,
             first: None,
         };
@@ -88,7 +90,11 @@ impl Reader {
     fn read_on(&mut self) -> Result<Option<Entry>, RecordingError> {
         loop {
             let wanted = match self.linear.next_event() {
-                None => return Ok(None),
+                // Whole to the mark at its end.
+                None => {
+                    self.closed = self.has_footer;
+                    return Ok(None);
+                }
                 Some(Err(mcap::McapError::UnexpectedEof)) if self.bytes >= MAGIC => return Ok(None),
                 Some(Err(error)) => return Err(RecordingError::reading(error, self.bytes)),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted,
@@ -111,7 +117,7 @@ impl Reader {
                             None
                         }
                         Record::Footer(_) => {
-                            self.closed = true;
+                            self.has_footer = true;
                             None
                         }
                         Record::Message { header, data } => match self.channels.get(&header.channel_id) {

@@ -1,0 +1,106 @@
+//! `pursuit record` beside a running system: what is in the file, and what a kill or a full disk costs.
+
+mod support;
+
+use pursuit_recording::{Entry, Reader, Sample};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use support::{Place, kill, text, wait_for};
+
+/// All messages of a file that can be read, and whether it was closed.
+fn read(file: &Path) -> (Vec<Entry>, bool) {
+    let mut reader = Reader::open(file).expect("a recording");
+    let mut all = Vec::new();
+    while let Some(entry) = reader.next_entry().expect("whole up to its end") {
+        all.push(entry);
+    }
+    (all, reader.is_closed())
+}
+
+/// Length of a file that may not be there yet, bytes.
+fn length(file: &Path) -> u64 {
+    std::fs::metadata(file).map_or(0, |data| data.len())
+}
+
+fn start_recorder(place: &Place, file: &Path) -> Child {
+    let out = file.to_str().expect("a plain name");
+    let mut command = place.command(&["record", "--out", out]);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("pursuit record starts")
+}
+
+#[test]
+fn a_recording_holds_every_topic_and_is_closed_on_sigterm() {
+    let place = Place::new();
+    let mut system = place.up(&["--set", "run.pace=\"real\""]);
+    system.wait_until_running();
+    let file = place.file("run.mcap");
+    let recorder = start_recorder(&place, &file);
+    assert!(wait_for(|| (length(&file) > 3_000_000).then_some(())).is_some(), "{}", place.log());
+    kill(recorder.id(), rustix::process::Signal::TERM);
+    let output = recorder.wait_with_output().expect("pursuit record ends");
+    assert!(output.status.success(), "{:?}", text(&output));
+    let (all, closed) = read(&file);
+    assert!(closed);
+    let count = |wanted: fn(&Sample) -> bool| all.iter().filter(|entry| wanted(&entry.sample)).count();
+    let counts = [
+        count(|s| matches!(s, Sample::Frame(_))),
+        count(|s| matches!(s, Sample::Votes(_))),
+        count(|s| matches!(s, Sample::Target(_))),
+        count(|s| matches!(s, Sample::Joints(_))),
+        count(|s| matches!(s, Sample::SetPoint(_))),
+        count(|s| matches!(s, Sample::Learner(_))),
+        count(|s| matches!(s, Sample::World(_))),
+        count(|s| matches!(s, Sample::Command(_))),
+    ];
+    assert!(counts.iter().all(|count| *count > 2), "{counts:?}");
+    let config = Reader::open(&file).expect("a recording").config().map(str::to_owned);
+    assert!(config.is_some_and(|config| config.contains("training_moves")), "the config of the run is in it");
+}
+
+#[test]
+fn a_killed_recorder_loses_less_than_a_second() {
+    let place = Place::new();
+    let mut system = place.up(&["--set", "run.pace=\"real\""]);
+    system.wait_until_running();
+    let file = place.file("killed.mcap");
+    let mut recorder = start_recorder(&place, &file);
+    assert!(wait_for(|| (length(&file) > 5_000_000).then_some(())).is_some(), "{}", place.log());
+    let killed_ns = pursuit_runtime::clock::monotonic_ns();
+    kill(recorder.id(), rustix::process::Signal::KILL);
+    let _ = recorder.wait();
+    let (all, closed) = read(&file);
+    assert!(!closed);
+    let last_ns = all.last().expect("messages").log_ns;
+    assert!(killed_ns.saturating_sub(last_ns) < 1_000_000_000, "lost {} ns", killed_ns - last_ns);
+    let services = system.wait_until_running();
+    assert!(services.iter().all(|service| service["restarts"] == 0), "{services:?}");
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_and_nothing_else() {
+    let place = Place::new();
+    let mut system = place.up(&["--set", "run.pace=\"real\""]);
+    system.wait_until_running();
+    let file = place.file("full.mcap");
+    let mut recorder = start_recorder(&place, &file);
+    // The kernel refuses to let the file grow further, as a full disk does.
+    let limit = rustix::process::Rlimit { current: Some(2_000_000), maximum: Some(2_000_000) };
+    let pid = rustix::process::Pid::from_raw(recorder.id() as i32);
+    rustix::process::prlimit(pid, rustix::process::Resource::Fsize, limit).expect("the child is ours");
+    let ended = wait_for(|| recorder.try_wait().expect("the child is ours"));
+    assert!(ended.is_some_and(|status| status.code() == Some(1)), "{ended:?}");
+    let output = recorder.wait_with_output().expect("pursuit record ends");
+    assert!(text(&output).1.contains("no room"), "{:?}", text(&output));
+    let (all, closed) = read(&file);
+    assert!(!closed && !all.is_empty());
+    let services = system.wait_until_running();
+    assert!(services.iter().all(|service| service["restarts"] == 0), "{services:?}");
+}
+
+#[test]
+fn without_a_running_system_there_is_nothing_to_record() {
+    let place = Place::new();
+    let output = place.command(&["record"]).output().expect("pursuit record runs");
+    let (_, error) = text(&output);
+    assert!(!output.status.success() && error.contains("pursuit up"), "{error}");
+}

@@ -83,8 +83,10 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
     system.wait_until_running();
     let file = place.file("full.mcap");
     let mut recorder = start_recorder(&place, &file);
-    // The kernel refuses to let the file grow further, as a full disk does.
-    let limit = rustix::process::Rlimit { current: Some(2_000_000), maximum: Some(2_000_000) };
+    // The kernel refuses to let the file grow further, as a full disk does: after some chunks, which are of a second
+    // at most.
+    let most = Some(10_000_000);
+    let limit = rustix::process::Rlimit { current: most, maximum: most };
     let pid = rustix::process::Pid::from_raw(recorder.id() as i32);
     rustix::process::prlimit(pid, rustix::process::Resource::Fsize, limit).expect("the child is ours");
     let ended = wait_for(|| recorder.try_wait().expect("the child is ours"));

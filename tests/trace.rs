@@ -91,11 +91,53 @@ fn port_of(place: &Place) -> Option<u16> {
 }
 
 fn scrape(port: u16) -> Option<String> {
+    String::from_utf8(get(port, "/metrics")?).ok()
+}
+
+/// Head and body of an answer.
+fn get(port: u16, path: &str) -> Option<Vec<u8>> {
     let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).ok()?;
-    write!(stream, "GET /metrics HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n").ok()?;
-    let mut page = String::new();
-    stream.read_to_string(&mut page).ok()?;
-    Some(page)
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n").ok()?;
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).ok()?;
+    Some(answer)
+}
+
+/// What the live page is told now: the words, and how many pixels come with them.
+fn live(port: u16) -> Option<(serde_json::Value, usize)> {
+    let answer = get(port, "/live")?;
+    let body = answer.windows(4).position(|four| four == b"\r\n\r\n")? + 4;
+    let end = body + answer[body..].iter().position(|byte| *byte == b'\n')?;
+    Some((serde_json::from_slice(&answer[body..end]).ok()?, answer.len() - end - 1))
+}
+
+#[test]
+fn the_live_page_is_served_and_shows_the_running_system() {
+    let place = Place::new();
+    let mut system = place.up(&["--set", "run.pace=real", "--set", "observer.metrics=127.0.0.1:0"]);
+    system.wait_until_running();
+    let port = wait_for(|| port_of(&place)).unwrap_or_else(|| panic!("no page\n{}", place.log()));
+    for (path, word) in [("/", "What the hand sees"), ("/page.css", "dark"), ("/page.js", "/live")] {
+        let answer = String::from_utf8(get(port, path).expect("an answer")).expect("text");
+        assert!(answer.starts_with("HTTP/1.1 200") && answer.contains(word), "{path}: {answer}");
+        assert!(answer.contains("frame-ancestors 'none'"), "{path}: {answer}");
+    }
+    // The first question says that somebody looks; then images come.
+    let shown = wait_for(|| {
+        let (words, pixels) = live(port)?;
+        let image = &words["image"];
+        let wanted = image["columns"].as_u64()? * image["rows"].as_u64()?;
+        (wanted > 0 && words["target"]["blob"]["u"].is_number() && words["services"].as_array()?.len() >= 6)
+            .then_some((words["frame"].as_u64()?, wanted, pixels as u64))
+    });
+    let (frame, wanted, pixels) = shown.unwrap_or_else(|| panic!("nothing is shown\n{}", place.log()));
+    assert_eq!(wanted, pixels);
+    assert!(
+        wait_for(|| live(port)?.0["frame"].as_u64().filter(|newest| *newest > frame)).is_some(),
+        "it stands still"
+    );
+    system.signal(rustix::process::Signal::TERM);
+    assert!(system.end().0.success());
 }
 
 #[test]

@@ -104,7 +104,11 @@ function drawAbove(way) {
   const at = (x, y) => [width / 2 + (y - (low[1] + high[1]) / 2) / span * -width, height / 2 - (x - (low[0] + high[0]) / 2) / span * height];
   const line = (k, name, thick) => {
     pen.strokeStyle = colour(name); pen.lineWidth = thick; pen.beginPath();
-    way.forEach(point => pen.lineTo(...at(point[k], point[k + 1])));
+    // Where the target was put elsewhere, or the hand started anew, there is no way in between.
+    way.forEach((point, i) => {
+      const far = i > 0 && Math.hypot(point[k] - way[i - 1][k], point[k + 1] - way[i - 1][k + 1]) > .1;
+      pen[far ? "moveTo" : "lineTo"](...at(point[k], point[k + 1]));
+    });
     pen.stroke();
     const last = way[way.length - 1];
     pen.fillStyle = colour(name); pen.beginPath(); pen.arc(...at(last[k], last[k + 1]), 5, 0, 7); pen.fill();

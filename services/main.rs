@@ -116,7 +116,7 @@ fn show_status(directory: &Path, json: bool) -> u8 {
             let text = if json {
                 serde_json::to_string(&services).unwrap_or_default() + "\n"
             } else {
-                status::table(&services)
+                status::table(&services) + operate::stops(directory)
             };
             // Whoever reads may have gone (`| head`): nothing to do about it.
             let _ = std::io::stdout().write_all(text.as_bytes());

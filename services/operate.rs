@@ -29,6 +29,15 @@ pub fn stop(directory: &Path, protective: bool) -> u8 {
     }
 }
 
+/// What `pursuit status` says of stops.
+pub fn stops(directory: &Path) -> &'static str {
+    match Latches::open(directory).ok().and_then(|latches| latches.set()) {
+        Some(Latch::Emergency) => "the arm has an emergency stop, until `pursuit reset`\n",
+        Some(Latch::Protective) => "the arm has a protective stop, until `pursuit reset`\n",
+        None => "",
+    }
+}
+
 /// Ends all stops, if the driver agrees: the arm is at rest, no button is pressed.
 pub fn reset(directory: &Path) -> u8 {
     ask(directory, Wish::Reset, "reset")

@@ -6,6 +6,8 @@ use crate::plots;
 use crate::progress::Progress;
 use crate::report::Report;
 use pursuit_acquisition::config::Source;
+use pursuit_arm_driver::safety::Travel;
+use pursuit_arm_driver::step::Driver;
 use pursuit_config::{Document, Faults};
 use pursuit_messages::Service;
 use pursuit_runtime::{exit, logging, place};
@@ -85,6 +87,10 @@ pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u
         eprintln!("pursuit: cannot find my own program file: {error}");
         exit::FAILED
     })?;
+    if let Ok(driver) = Driver::new(checked.arm.parameters, checked.arm.coupling) {
+        let latency_s = checked.simulator.cell.latency_ns as f64 * 1e-9;
+        eprintln!("{}", Travel::worst(&driver, latency_s).text());
+    }
     let mut progress =
         Progress::new(checked.learner.parameters.training_moves, checked.simulator.cell.frames);
     let frame_bytes = checked.acquisition.camera.shape().bytes();

@@ -22,6 +22,7 @@ fn a_stop_holds_through_a_new_driver_until_a_reset() {
     let mut system = place.up(&["--set", "run.pace=real"]);
     let services = system.wait_until_running();
     assert!(wait_for(|| last(&place).filter(|(refusal, _)| *refusal == 0)).is_some(), "{}", place.log());
+    assert!(place.log().contains("worst travel of the camera"), "{}", place.log());
     let output = place.command(&["stop"]).output().expect("pursuit stop runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     // At rest: the camera is where it was, for frames on end.
@@ -38,6 +39,8 @@ fn a_stop_holds_through_a_new_driver_until_a_reset() {
         })
     };
     let stands = rests().unwrap_or_else(|| panic!("the arm does not come to rest\n{}", place.log()));
+    let status = place.command(&["status"]).output().expect("pursuit status runs");
+    assert!(String::from_utf8_lossy(&status.stdout).contains("emergency stop"), "{status:?}");
     kill(pid_of(&services, "arm-driver"), Signal::KILL);
     system.wait_until_running();
     let later = rests().unwrap_or_else(|| panic!("a new driver forgets the stop\n{}", place.log()));

@@ -62,7 +62,7 @@ fn document(up: &Up) -> Result<pursuit_config::Document, pursuit_config::Faults>
 
 fn what_next() -> &'static str {
     "\n  next:\n\
-     \x20   pursuit up                           the same system until you stop it, in real time\n\
+     \x20   pursuit up                           the same system until you stop it, in real time, with a live page\n\
      \x20   pursuit status                       its services; kill one and watch it come back\n\
      \x20   pursuit detect tests/data/camouflage --annotate pursuit-out/camouflage\n\
      \x20                                        the detector on a folder of images\n\

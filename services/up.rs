@@ -96,6 +96,9 @@ pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u
     let frame_bytes = checked.acquisition.camera.shape().bytes();
     let bounded = checked.simulator.cell.frames > 0;
     let observed = checked.observer.is_started();
+    if let (true, Some(address)) = (observed, checked.observer.metrics) {
+        eprintln!("live page: http://{address}/");
+    }
     let services = Service::ALL.into_iter().filter(|service| service.is_in_the_loop() || observed).collect();
     let plan = Plan { directory: directory.clone(), document, program, services, frame_bytes, bounded };
     let mut restarts = 0;

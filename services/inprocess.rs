@@ -147,7 +147,7 @@ impl Eyes {
             votes: Box::default(),
             newer: vec![0; size.0 * size.1],
             older: VecDeque::new(),
-            baseline: checked.vision.baseline as usize,
+            baseline: checked.vision.baseline() as usize,
             size,
         })
     }

@@ -208,7 +208,7 @@ fn drain<T>(
 ) -> Result<(), BusError>
 where
     T: Topic,
-    T::Payload: pursuit_bus::Travels,
+    T::Payload: pursuit_bus::Payload,
 {
     while let Some(message) = input.receive()? {
         tap.take(message.stamp(), sample(message.payload()));

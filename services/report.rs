@@ -1,7 +1,8 @@
 //! The report of a run: pure, from the journal's records to figures, JSON and text.
 
+use pursuit_messages::HOPS;
 use pursuit_messages::Phase;
-use pursuit_simulator::journal::{HOPS, MoveRecord, Record};
+use pursuit_simulator::journal::{MoveRecord, Record};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,8 +1,7 @@
 //! What is remembered of the last frames one by one, and the page on one of them. Pure.
 
 use crate::ears::Heard;
-use crate::ledger::HOPS;
-use pursuit_messages::{Detection, PairOutcome, Service, SetPoint, Stamp, Target, Votes};
+use pursuit_messages::{Detection, HOPS, PairOutcome, Service, SetPoint, Stamp, Target, Votes};
 use std::collections::VecDeque;
 use std::fmt::Write as _;
 

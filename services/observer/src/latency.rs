@@ -1,8 +1,8 @@
 //! Where the time of each frame went. Pure: settled frames in, waiting and computing per hop out.
 
 use crate::histogram::Histogram;
-use crate::ledger::{Fate, HOPS, Journey};
-use pursuit_messages::Stamp;
+use crate::ledger::{Fate, Journey};
+use pursuit_messages::{HOPS, Stamp};
 use std::collections::VecDeque;
 
 /// Frames that are remembered one by one.

@@ -1,12 +1,9 @@
 //! What became of each frame. Pure: messages in, any order, some missing; every frame number of an epoch ends
 //! in exactly one state.
 
-use pursuit_messages::{Refusal, Service, Stamp};
+use pursuit_messages::{HOPS, Refusal, Service, Stamp};
 use std::collections::VecDeque;
 
-/// The hops of a frame, in the order of its way.
-pub const HOPS: [Service; 5] =
-    [Service::Acquisition, Service::Vision, Service::Segmentation, Service::Learner, Service::ArmDriver];
 const LAST: usize = HOPS.len() - 1;
 /// The state of a frame that was not acted on is final when this many newer ones have come.
 const SETTLED: u64 = 32;

@@ -2,8 +2,7 @@
 
 use crate::account::Account;
 use crate::histogram::Histogram;
-use crate::ledger::HOPS;
-use pursuit_messages::Service;
+use pursuit_messages::{HOPS, Service};
 use std::fmt::Write as _;
 
 /// All metrics: name, kind, what it says.

@@ -4,9 +4,8 @@
 use crate::account::Account;
 use crate::ears::Heard;
 use crate::endpoint::Answer;
-use crate::ledger::HOPS;
 use pursuit_bus::FrameMessage;
-use pursuit_messages::{Detection, Health, Service, Target, TrackPhase, Votes};
+use pursuit_messages::{Detection, HOPS, Health, Service, Target, TrackPhase, Votes};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 

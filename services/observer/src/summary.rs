@@ -3,8 +3,7 @@
 use crate::account::Account;
 use crate::histogram::Histogram;
 use crate::latency::Told;
-use crate::ledger::HOPS;
-use pursuit_messages::Phase;
+use pursuit_messages::{HOPS, Phase};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 

@@ -2,8 +2,7 @@
 //! an arrow from each hop to the next.
 
 use crate::latency::Latency;
-use crate::ledger::HOPS;
-use pursuit_messages::Service;
+use pursuit_messages::{HOPS, Service};
 use serde_json::{Value, json};
 
 /// The file's content.

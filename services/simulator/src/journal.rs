@@ -1,13 +1,9 @@
 //! The run's journal: one line per frame and one per training move, for reports and for any tool that
 //! opens CSV. Numbers are written so that they read back to the bit.
 
-use pursuit_messages::{Service, Stamp};
+use pursuit_messages::{HOPS, Stamp};
 use std::fmt::Write as _;
 use std::str::FromStr;
-
-/// Services whose computing and waiting is kept per frame, in the order of the data flow.
-pub const HOPS: [Service; 5] =
-    [Service::Acquisition, Service::Vision, Service::Segmentation, Service::Learner, Service::ArmDriver];
 
 /// The journal of a run without an end begins anew when it has grown to this: an hour or two, in memory.
 pub const MAX_ENDLESS_BYTES: u64 = 32 << 20;
@@ -207,7 +203,7 @@ fn field<'a, T: FromStr>(fields: &mut impl Iterator<Item = &'a str>) -> Option<T
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use pursuit_messages::{ImageShape, Stage};
+    use pursuit_messages::{ImageShape, Service, Stage};
 
     #[test]
     fn a_record_reads_back_to_the_bit() {

@@ -15,14 +15,12 @@ pub struct Config {
     pub camera: settings::Camera,
     /// What looks at the frames.
     pub detector: Detector,
-    /// Frames from the older one of a pair to the newest, where all of them are there; 1 to
-    /// [`MAX_BASELINE`].
-    pub baseline: u64,
 }
 
 /// Time from the older frame of a pair to the newest, ms: the paper's period, in which a target at 0.1 m/s
 /// moves 4 px.
 const BASELINE_MS: f64 = 80.0;
+
 /// A detector and its parameters; those of the other mode are not used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detector {
@@ -41,14 +39,15 @@ impl Config {
     pub fn read(checker: &Checker<'_>) -> Config {
         let run = settings::Run::read(checker);
         let camera = settings::Camera::read(checker);
-        let detector = read(checker);
-        Config { run, camera, detector, baseline: baseline(detector.baseline_ms, camera.rate_hz) }
+        Config { run, camera, detector: read(checker) }
     }
-}
 
-/// The number of frames that comes nearest to a time.
-fn baseline(wanted_ms: f64, rate_hz: f64) -> u64 {
-    ((wanted_ms * 1e-3 * rate_hz).round() as u64).clamp(1, MAX_BASELINE)
+    /// Frames from the older one of a pair to the newest, where all of them are there: what comes nearest to
+    /// the time that is wanted, 1 to [`MAX_BASELINE`].
+    pub fn baseline(&self) -> u64 {
+        let frames = self.detector.baseline_ms * 1e-3 * self.camera.rate_hz;
+        (frames.round() as u64).clamp(1, MAX_BASELINE)
+    }
 }
 
 /// Reads `[vision]` alone, for who has no camera (`pursuit detect`).

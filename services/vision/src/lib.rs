@@ -31,7 +31,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         .map_err(|e| ServiceError::Other(e.to_string()))?;
     let votes = station.bus.publisher(VoteFields)?;
     let frames = station.bus.frame_subscriber()?;
-    let mut pairs = Pairs::new(config.baseline);
+    let mut pairs = Pairs::new(config.baseline());
     while station.turn() {
         wait(&[&frames], TICK)?;
         votes.greet_new_readers();

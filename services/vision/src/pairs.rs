@@ -56,9 +56,9 @@ impl Pairs {
             Some(held) if held.stamp().frame == number => *held = frame,
             _ => self.frames.insert(place, frame),
         }
-        // Room for one more: what is not within a baseline of the newest frame is let go.
+        // Of the frames that are a baseline or more before the newest, one is enough.
         let newest = self.frames.back().map_or(number, |newest| newest.stamp().frame);
-        while self.frames.len() > 2 && self.frames[1].stamp().frame + self.baseline <= newest {
+        while self.frames.get(1).is_some_and(|second| second.stamp().frame + self.baseline <= newest) {
             self.frames.pop_front();
         }
     }

@@ -17,9 +17,7 @@ mod reader;
 
 pub use error::BusError;
 pub use instance::{Instance, InstanceError};
-pub use port::{
-    FrameLoan, FramePublisher, FrameSubscriber, Loan, Publisher, Subscriber, Travels, Wakes, wait,
-};
+pub use port::{FrameLoan, FramePublisher, FrameSubscriber, Loan, Publisher, Subscriber, Wakes, wait};
 pub use reader::{FrameMessage, FrameReader, Message, Reader};
 
 use iceoryx2::prelude::*;
@@ -65,7 +63,7 @@ impl Bus {
     pub fn publisher<T>(&self, _topic: T) -> Result<Publisher<T>, BusError>
     where
         T: Topic,
-        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+        T::Payload: Payload,
     {
         Publisher::open(self)
     }
@@ -77,7 +75,7 @@ impl Bus {
     pub fn subscriber<T>(&self, _topic: T) -> Result<Subscriber<T>, BusError>
     where
         T: Topic,
-        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+        T::Payload: Payload,
     {
         Subscriber::open(self)
     }
@@ -105,7 +103,7 @@ impl Bus {
     pub fn reader<T>(&self, _topic: T) -> Result<Reader<T>, BusError>
     where
         T: Topic,
-        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+        T::Payload: Payload,
     {
         Reader::open(self)
     }
@@ -146,7 +144,7 @@ impl Bus {
     fn hold<T>(&self, held: &mut HeldTopics) -> Result<(), BusError>
     where
         T: Topic,
-        T::Payload: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static,
+        T::Payload: Payload,
     {
         held.keep.push(Box::new((self.data_service::<T>()?, self.event_service::<T>()?)));
         Ok(())

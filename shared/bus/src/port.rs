@@ -1,7 +1,7 @@
 //! Writers and readers of topics.
 
 use crate::reader::{FrameMessage, FrameReader, Message, Reader};
-use crate::{Bus, BusError, Ipc, retry};
+use crate::{Bus, BusError, Ipc, Payload, retry};
 use core::fmt::Debug;
 use core::mem::MaybeUninit;
 use iceoryx2::port::listener::Listener;
@@ -20,18 +20,13 @@ pub(crate) type DataService<P> = publish_subscribe::PortFactory<Ipc, P, Stamp>;
 pub(crate) type FrameService = publish_subscribe::PortFactory<Ipc, [u8], Stamp>;
 pub(crate) type EventService = event::PortFactory<Ipc>;
 
-/// What a payload must be to travel; everything that fits does.
-pub trait Travels: ZeroCopySend + Copy + Default + Debug + 'static {}
-
-impl<P: ZeroCopySend + Copy + Default + Debug + 'static> Travels for P {}
-
 /// Samples that a writer holds at once: the one being written, and one to spare.
 const MAX_LOANED: usize = 2;
 
 /// A writer of topic `T`.
 pub struct Publisher<T: Topic>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     publisher: iceoryx2::port::publisher::Publisher<Ipc, T::Payload, Stamp>,
     notifier: Notifier<Ipc>,
@@ -39,7 +34,7 @@ where
 
 impl<T: Topic> Publisher<T>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     pub(crate) fn open(bus: &Bus) -> Result<Publisher<T>, BusError> {
         let service = bus.data_service::<T>()?;
@@ -81,7 +76,7 @@ where
 /// A message being written in shared memory.
 pub struct Loan<'a, T: Topic>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     sample: SampleMut<Ipc, T::Payload, Stamp>,
     publisher: &'a Publisher<T>,
@@ -89,7 +84,7 @@ where
 
 impl<T: Topic> Loan<'_, T>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     /// The payload, in shared memory.
     pub fn payload_mut(&mut self) -> &mut T::Payload {
@@ -181,7 +176,7 @@ impl FrameLoan<'_> {
 /// A reader of topic `T` that is woken by every message.
 pub struct Subscriber<T: Topic>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     reader: Reader<T>,
     listener: Listener<Ipc>,
@@ -189,7 +184,7 @@ where
 
 impl<T: Topic> Subscriber<T>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     pub(crate) fn open(bus: &Bus) -> Result<Subscriber<T>, BusError> {
         let event = bus.event_service::<T>()?;
@@ -257,7 +252,7 @@ pub trait Wakes {
 
 impl<T: Topic> Wakes for Subscriber<T>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     fn listener(&self) -> &Listener<Ipc> {
         &self.listener

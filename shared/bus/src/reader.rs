@@ -1,9 +1,8 @@
 //! Readers of topics, and what they get: messages in shared memory, read in place.
 
-use crate::{Bus, BusError, Ipc, retry};
+use crate::{Bus, BusError, Ipc, Payload, retry};
 use core::cell::Cell;
 use core::fmt::Debug;
-use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 use pursuit_messages::Stamp;
 use pursuit_messages::stamp::LAYOUT;
@@ -12,7 +11,7 @@ use pursuit_messages::topics::{Frames, Topic};
 /// A reader of topic `T` that nothing wakes: it looks when it wants to. Its writers pay nothing for waking it.
 pub struct Reader<T: Topic>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     subscriber: iceoryx2::port::subscriber::Subscriber<Ipc, T::Payload, Stamp>,
     refused: Cell<u64>,
@@ -20,7 +19,7 @@ where
 
 impl<T: Topic> Reader<T>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     pub(crate) fn open(bus: &Bus) -> Result<Reader<T>, BusError> {
         let service = bus.data_service::<T>()?;
@@ -68,14 +67,14 @@ where
 /// A message in shared memory, read in place; its memory returns to the writer when it is dropped.
 pub struct Message<T: Topic>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     sample: Sample<Ipc, T::Payload, Stamp>,
 }
 
 impl<T: Topic> Message<T>
 where
-    T::Payload: ZeroCopySend + Copy + Default + Debug + 'static,
+    T::Payload: Payload,
 {
     /// The frame that caused it.
     pub fn stamp(&self) -> &Stamp {

@@ -14,5 +14,5 @@ pub mod world;
 
 pub use payload::*;
 pub use safety::{ArmEvent, ArmState, DriverState};
-pub use stamp::{ImageShape, Service, Stage, StageStamp, Stamp};
+pub use stamp::{HOPS, ImageShape, Service, Stage, StageStamp, Stamp};
 pub use world::*;

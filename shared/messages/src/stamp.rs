@@ -31,6 +31,10 @@ pub enum Service {
     Observer = 8,
 }
 
+/// The hops of a frame: the services that it passes, in the order of its way.
+pub const HOPS: [Service; 5] =
+    [Service::Acquisition, Service::Vision, Service::Segmentation, Service::Learner, Service::ArmDriver];
+
 impl Service {
     /// All services that run as child processes, in the order of the data flow.
     pub const ALL: [Service; 7] = [

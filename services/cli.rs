@@ -50,10 +50,13 @@ pub enum Verb {
         #[command(flatten)]
         place: Place,
     },
-    /// End one service and start it again.
+    /// Start one service anew: the new process takes over from the old one, and no frame is lost where it can.
     Restart {
         /// Its name.
         service: String,
+        /// From this program file from now on, in place of the one that is on the disk where it was started from.
+        #[arg(long, value_name = "FILE")]
+        program: Option<PathBuf>,
         /// Where the instance lives.
         #[command(flatten)]
         place: Place,

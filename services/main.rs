@@ -51,8 +51,10 @@ fn main() -> ExitCode {
         Verb::Top(options) => top::run(&options),
         Verb::Trace(options) => trace::run(&options),
         Verb::Why { frame, place } => trace::why(frame, &place.directory()),
-        Verb::Restart { service, place } => {
-            settle(control_of(&place.directory(), &Request::Restart { service }))
+        Verb::Restart { service, program, place } => {
+            // The supervisor may be in another folder.
+            let program = program.map(|file| std::path::absolute(&file).unwrap_or(file));
+            settle(control_of(&place.directory(), &Request::Restart { service, program }))
         }
         Verb::Stop { place, protective } => operate::stop(&place.directory(), protective),
         Verb::Activate { place } => operate::activate(&place.directory()),

@@ -112,6 +112,8 @@ mod tests {
             last_beat_ms: Some(1),
             answered,
             skipped: 0,
+            adopted: false,
+            last_end: None,
         };
         let (mut rates, start) = (Rates::default(), Instant::now());
         let later = |s| start + Duration::from_secs(s);

@@ -14,7 +14,7 @@ use pursuit_runtime::{exit, logging, place};
 use pursuit_simulator::journal::{MoveRecord, Record};
 use pursuit_supervisor::{Ended, Plan, SupervisorError};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Runs the verb.
 pub fn run(options: &Up) -> u8 {
@@ -100,7 +100,9 @@ pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u
         eprintln!("live page: http://{address}/");
     }
     let services = Service::ALL.into_iter().filter(|service| service.is_in_the_loop() || observed).collect();
-    let plan = Plan { directory: directory.clone(), document, program, services, frame_bytes, bounded };
+    let lease = Duration::from_nanos(checked.simulator.run.lease_ns);
+    let plan =
+        Plan { directory: directory.clone(), document, program, services, frame_bytes, bounded, lease };
     let mut restarts = 0;
     let ended = supervise(plan, |glance| {
         restarts = glance.services.iter().map(|s| s.restarts).sum();

@@ -140,6 +140,8 @@ impl System<'_> {
     /// Waits until every service's heart beats; their states.
     pub fn wait_until_running(&mut self) -> Vec<Value> {
         let states = wait_for(|| {
+            let ended = self.child.try_wait().expect("the child is ours");
+            assert!(ended.is_none(), "pursuit up ended: {ended:?}\n{}", self.place.log());
             let services = self.place.status()?;
             services.iter().all(|s| s["state"] == "running").then_some(services)
         });

@@ -41,6 +41,9 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let joints = station.bus.publisher(JointStates)?;
     let mut reporter = Reporter::new(station.bus.publisher(DriverStates)?);
     let set_points = station.bus.subscriber(SetPoints)?;
+    if !station.take_over()? {
+        return Ok(());
+    }
     let mut arm = SimulatedArm::connect(&station.bus, config.coupling.arm())?;
     let latches = Latches::open(station.directory())
         .map_err(|e| ServiceError::Other(format!("cannot look for stops in the run-time directory: {e}")))?;

@@ -61,17 +61,20 @@ struct Saved<L> {
 /// [`ServiceError`] for a wrong config, a bus or a file that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
-    let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
-    let (mut epoch, mut learner) = restore(saved, &config, &station.checkpoint_file());
     let mut refitter =
         Refitter::start().map_err(|e| ServiceError::Other(format!("no thread for refits: {e}")))?;
-    refitter.begin(&learner);
     let states = station.bus.publisher(LearnerStates)?;
     let set_points = station.bus.publisher(SetPoints)?;
     let targets = station.bus.subscriber(Targets)?;
     let joints = station.bus.subscriber(JointStates)?;
     let mut history = JointHistory::default();
     let mut pending: Option<(Message<Targets>, u64)> = None;
+    if !station.take_over()? {
+        return Ok(());
+    }
+    let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
+    let (mut epoch, mut learner) = restore(saved, &config, &station.checkpoint_file());
+    refitter.begin(&learner);
     while station.turn() {
         wait(&[&targets, &joints], TICK)?;
         states.greet_new_readers();

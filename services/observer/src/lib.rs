@@ -48,6 +48,9 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         dossiers: Mutex::default(),
         live: Mutex::default(),
     });
+    if !station.take_over()? {
+        return Ok(());
+    }
     if let Some(address) = config.metrics {
         serve(address, &told, station.directory());
     }

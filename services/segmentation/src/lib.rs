@@ -31,14 +31,17 @@ const CHECKPOINT_BYTES: usize = 1 << 14;
 /// [`ServiceError`] for a wrong config or a bus that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
-    let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
     let mut segmenter = Segmenter::new(&config);
-    restore(saved, &mut segmenter);
     let targets = station.bus.publisher(Targets)?;
     let frames = station.bus.frame_subscriber()?;
     let votes = station.bus.subscriber(VoteFields)?;
     let mut recent = RecentFrames::default();
     let mut pending: Option<(Message<VoteFields>, u64)> = None;
+    if !station.take_over()? {
+        return Ok(());
+    }
+    let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
+    restore(saved, &mut segmenter);
     while station.turn() {
         wait(&[&votes, &frames], TICK)?;
         targets.greet_new_readers();

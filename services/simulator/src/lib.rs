@@ -23,8 +23,11 @@ use pursuit_runtime::{ServiceError, Station};
 ///
 /// # Errors
 /// [`ServiceError`] for a wrong config, a bus or a file that fails, or physics that diverges.
-pub fn run(station: Station) -> Result<(), ServiceError> {
+pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
+    if !station.take_over()? {
+        return Ok(());
+    }
     match config.run.clock {
         Clock::Lockstep => lockstep::run(station, &config),
         Clock::Wall => wall::run(station, &config),

@@ -7,7 +7,7 @@ use pursuit_bus::{Publisher, Subscriber, wait};
 use pursuit_messages::topics::{LearnerStates, MAX_BASELINE, WorldCommands, WorldStates};
 use pursuit_messages::{LearnerState, Stamp, WorldCommand, WorldState};
 use pursuit_runtime::checkpoint::Checkpoint;
-use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
+use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Pace;
 use pursuit_runtime::{ServiceError, Station, TICK, place};
 use serde::{Deserialize, Serialize};
@@ -63,8 +63,8 @@ pub fn run(mut station: Station, config: &Config) -> Result<(), ServiceError> {
         cell.advance(&fixed, next_ns).map_err(other)?;
         cell.frame += 1;
         log.write(&cell, &record, finished_move)?;
-        if config.run.pace == Pace::Real {
-            sleep_until_ns(anchor_ns + next_ns);
+        if config.run.pace == Pace::Real && !station.sleep_until(anchor_ns + next_ns) {
+            return Ok(());
         }
     }
     std::fs::write(station.directory().join(place::TRAJECTORY), cell.trajectory_sha256())

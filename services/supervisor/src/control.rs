@@ -3,7 +3,7 @@
 use crate::status::ServiceStatus;
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt};
 use tokio::net::{UnixListener, UnixStream};
@@ -12,7 +12,7 @@ use tokio::sync::{mpsc, oneshot};
 /// Longest question, bytes.
 const MAX_REQUEST: u64 = 4096;
 /// A client waits no longer for its answer.
-const ANSWER_LIMIT: Duration = Duration::from_secs(10);
+const ANSWER_LIMIT: Duration = Duration::from_secs(30);
 
 /// A question.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,10 +20,13 @@ const ANSWER_LIMIT: Duration = Duration::from_secs(10);
 pub enum Request {
     /// How are all services?
     Status,
-    /// End a service and start it again.
+    /// Start a service anew: the new process takes over from the old one.
     Restart {
         /// Its name.
         service: String,
+        /// From this program file from now on; without one, from where it is.
+        #[serde(default)]
+        program: Option<PathBuf>,
     },
     /// End everything.
     Down,
@@ -38,7 +41,7 @@ pub enum Answer {
         /// One entry each.
         services: Vec<ServiceStatus>,
     },
-    /// It is being done.
+    /// It is done.
     Done,
     /// It is not done.
     Refused {

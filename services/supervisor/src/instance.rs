@@ -1,23 +1,27 @@
 //! Who holds the instance: one supervisor, and the services of its run.
 
 use pursuit_runtime::place;
+use pursuit_runtime::process::Identity;
 use rustix::fs::{FlockOperation, flock};
 use std::fs::File;
-use std::io::{Read, Seek, Write};
-use std::path::Path;
+use std::io::{Seek, Write};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 pub use pursuit_runtime::place::SERVICES_LOCK;
 
-/// Services of a supervisor that was killed end within a heartbeat; on a loaded machine it takes longer.
+/// Services that no supervisor has adopted end by themselves; this is patience with a loaded machine, beyond
+/// their lease.
 const FORMER_RUN_LIMIT: Duration = Duration::from_secs(10);
 
 /// The instance's lock, held as long as this lives. The kernel gives it back when the process dies.
 pub struct Held {
     lock: File,
-    /// Keeps services from starting while the directory is being swept.
-    sweeping: Option<File>,
+    directory: PathBuf,
 }
+
+/// Keeps services from starting while the directory is being swept.
+pub struct Sweeping(#[allow(dead_code)] File);
 
 /// Why the instance cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -52,37 +56,48 @@ pub enum HeldError {
 }
 
 impl Held {
-    /// Takes the instance in `directory`: one supervisor at a time. Waits until no service of a former run
-    /// is left (they end by themselves when their supervisor is gone).
+    /// Takes the instance in `directory`: one supervisor at a time. Nobody is told yet: see [`Held::announce`].
     ///
     /// # Errors
     /// [`HeldError`], at once where another supervisor has it.
     pub fn take(directory: &Path) -> Result<Held, HeldError> {
         let name = || directory.display().to_string();
-        let io = |cause| HeldError::Io { directory: name(), cause };
-        let mut lock = open(&directory.join(place::LOCK)).map_err(io)?;
+        let path = directory.join(place::LOCK);
+        let lock = open(&path).map_err(|cause| HeldError::Io { directory: name(), cause })?;
         if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
-            let mut pid = String::new();
-            let _ = lock.read_to_string(&mut pid);
-            return Err(HeldError::Held { directory: name(), pid: pid.trim().to_owned() });
+            let pid = place::holder(&path).map_or("unknown".to_owned(), |holder| holder.pid.to_string());
+            return Err(HeldError::Held { directory: name(), pid });
         }
-        lock.set_len(0).map_err(io)?;
-        lock.rewind().map_err(io)?;
-        writeln!(lock, "{}", std::process::id()).map_err(io)?;
-        let services = open(&directory.join(SERVICES_LOCK)).map_err(io)?;
-        let limit = Instant::now() + FORMER_RUN_LIMIT;
+        Ok(Held { lock, directory: directory.to_owned() })
+    }
+
+    /// Waits up to `lease` and some patience until no service of a former run is left.
+    ///
+    /// # Errors
+    /// [`HeldError::FormerRun`].
+    pub fn sweep(&self, lease: Duration) -> Result<Sweeping, HeldError> {
+        let services = open(&self.directory.join(SERVICES_LOCK)).map_err(|cause| self.io(cause))?;
+        let limit = Instant::now() + lease + FORMER_RUN_LIMIT;
         while flock(&services, FlockOperation::NonBlockingLockExclusive).is_err() {
             if Instant::now() > limit {
-                return Err(HeldError::FormerRun { directory: name() });
+                return Err(HeldError::FormerRun { directory: self.directory.display().to_string() });
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        Ok(Held { lock, sweeping: Some(services) })
+        Ok(Sweeping(services))
     }
 
-    /// The directory is swept: services may start.
-    pub fn swept(&mut self) {
-        self.sweeping = None;
+    /// Tells everybody which process the supervisor is. From now on services do not end for want of one.
+    ///
+    /// # Errors
+    /// [`HeldError::Io`].
+    pub fn announce(&mut self) -> Result<(), HeldError> {
+        let mut write = || {
+            self.lock.set_len(0)?;
+            self.lock.rewind()?;
+            self.lock.write_all(Identity::own().to_string().as_bytes())
+        };
+        write().map_err(|cause| self.io(cause))
     }
 
     /// Gives the instance back.
@@ -90,12 +105,15 @@ impl Held {
         let _ = self.lock.set_len(0);
         let _ = flock(&self.lock, FlockOperation::Unlock);
     }
+
+    fn io(&self, cause: std::io::Error) -> HeldError {
+        HeldError::Io { directory: self.directory.display().to_string(), cause }
+    }
 }
 
 /// Whether a supervisor holds the instance in `directory`.
 pub fn is_held(directory: &Path) -> bool {
-    let Ok(lock) = File::open(directory.join(place::LOCK)) else { return false };
-    flock(&lock, FlockOperation::NonBlockingLockShared).is_err()
+    place::supervisor(directory).is_some()
 }
 
 fn open(path: &Path) -> std::io::Result<File> {

@@ -1,24 +1,28 @@
-//! Supervisor: starts all services as processes of their own, watches them, restarts one that dies, ends
-//! them all, and leaves nothing behind.
+//! Supervisor: starts all services as processes of their own, watches them, restarts one that dies or hangs,
+//! ends them all, and leaves nothing behind. Where a supervisor before it died, it adopts what that one started.
 //!
-//! [`policy`] decides (pure), [`children`] acts, [`control`] lets other terminals ask. Nothing here is on
-//! the way of a frame.
+//! [`policy`] and [`pulse`] decide (pure), a [`slot`] acts for one service, [`control`] lets other terminals ask.
+//! Nothing here is on the way of a frame.
 
 pub mod children;
 pub mod control;
 pub mod instance;
 pub mod policy;
+pub mod process;
+pub mod pulse;
+pub mod slot;
 pub mod status;
 
 use children::{Children, Exit};
 use control::{Answer, Control, Request};
 use instance::{Held, HeldError};
-use pursuit_bus::{Bus, BusError, Instance, Subscriber};
+use pursuit_bus::{Bus, BusError, HeldTopics, Instance, Subscriber};
 use pursuit_config::Document;
 use pursuit_messages::Service;
 use pursuit_messages::topics::Healths;
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::place;
+use slot::Reply;
 use status::ServiceStatus;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -26,10 +30,14 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// How often children and heartbeats are looked at.
 const WATCH: Duration = Duration::from_millis(20);
+/// How often is looked whether all have ended.
+const END_LOOK: Duration = Duration::from_millis(5);
 /// How often what dead processes left on the bus is given back.
 const CLEAN_NS: u64 = 1_000_000_000;
-/// After SIGTERM a child has this long to end by itself.
-const STOP_LIMIT_NS: u64 = 3_000_000_000;
+/// The arm driver has so long to bring the arm to rest and end, before the others are asked to end, ns.
+const REST_LIMIT_NS: u64 = 1_000_000_000;
+/// Then all have so long, ns; who is still there is killed.
+const END_LIMIT_NS: u64 = slot::STOP_LIMIT_NS;
 /// The kernel must have this many times the bus's budget free.
 const MEMORY_FACTOR: u64 = 2;
 
@@ -47,6 +55,8 @@ pub struct Plan {
     pub frame_bytes: usize,
     /// Whether the run has an end: then a service that is given up ends it.
     pub bounded: bool,
+    /// Services go on for so long without a supervisor.
+    pub lease: Duration,
 }
 
 /// How a run ended.
@@ -113,23 +123,49 @@ pub async fn run(plan: Plan, mut watch: impl FnMut(&Glance<'_>)) -> Result<Ended
     let mut stops = Stops::take_over()?;
     let instance = Instance::at(&plan.directory)?;
     let mut held = Held::take(&plan.directory)?;
-    prepare(&plan, &instance)?;
-    held.swept();
-    let outcome = supervise(&plan, &instance, &mut stops, &mut watch).await;
+    let mut children = Children::new(&plan.program, &plan.directory, &plan.services, plan.bounded);
+    if !adopt(&plan, &mut children, &mut stops).await {
+        let _sweeping = held.sweep(plan.lease)?;
+        prepare(&plan, &instance)?;
+    }
+    held.announce()?;
+    let outcome = supervise(&plan, &instance, &mut children, &mut stops, &mut watch).await;
     instance.wipe();
     held.release();
     outcome
+}
+
+/// Adopts what a former supervisor has left, if it is of this run; whether there was any. What is of a run with
+/// another config is ended.
+async fn adopt(plan: &Plan, children: &mut Children, stops: &mut Stops) -> bool {
+    let adopted = children.adopt();
+    if adopted == 0 {
+        return false;
+    }
+    let running = std::fs::read_to_string(plan.directory.join(place::CONFIG)).unwrap_or_default();
+    if running == plan.document.to_toml() {
+        tracing::warn!("the supervisor before this one died: {adopted} services adopted, none restarted");
+        return true;
+    }
+    tracing::warn!(
+        "the supervisor before this one died: ending its {adopted} services, their config is another"
+    );
+    stop_all(children, stops).await;
+    *children = Children::new(&plan.program, &plan.directory, &plan.services, plan.bounded);
+    false
 }
 
 /// Cold start: whatever an earlier run left goes, the config for this run is written.
 fn prepare(plan: &Plan, instance: &Instance) -> Result<(), SupervisorError> {
     instance.wipe();
     sweep(&plan.directory);
-    let needed = pursuit_bus::memory_budget(plan.frame_bytes) as u64 * MEMORY_FACTOR;
+    let budget = pursuit_bus::memory_budget(plan.frame_bytes) as u64;
+    let needed = budget * MEMORY_FACTOR;
     let free = rustix::fs::statvfs("/dev/shm").map_or(u64::MAX, |shm| shm.f_bavail * shm.f_frsize);
     if free < needed {
         return Err(SupervisorError::Memory { needed_mb: needed >> 20, free_mb: free >> 20 });
     }
+    tracing::info!("shared memory: at most {} MB of {} MB free", budget >> 20, free >> 20);
     std::fs::write(plan.directory.join(place::CONFIG), plan.document.to_toml())
         .map_err(|cause| SupervisorError::System { what: "cannot write the run's config", cause })
 }
@@ -139,7 +175,8 @@ fn sweep(directory: &Path) {
     let of_services = Service::ALL.into_iter().flat_map(|service| {
         let checkpoint = directory.join(place::checkpoint(service.name()));
         let refused = pursuit_runtime::checkpoint::refused_name(&checkpoint);
-        [children::log_file(directory, service), checkpoint, refused]
+        let lock = directory.join(place::service_lock(service.name()));
+        [process::log_file(directory, service), checkpoint, refused, lock]
     });
     let of_the_run =
         [place::CONFIG, place::CONTROL, place::OBSERVER, place::JOURNAL, place::MOVES, place::TRAJECTORY];
@@ -148,54 +185,107 @@ fn sweep(directory: &Path) {
     }
 }
 
+/// The supervisor's own place on the bus.
+struct Post {
+    healths: Subscriber<Healths>,
+    _topics: HeldTopics,
+    bus: Bus,
+}
+
+impl Post {
+    fn open(instance: &Instance) -> Result<Post, BusError> {
+        let bus = Bus::join(instance, Service::Supervisor.name())?;
+        Ok(Post { _topics: bus.hold_all_topics()?, healths: bus.subscriber(Healths)?, bus })
+    }
+}
+
+/// Why a watch ended.
+enum Watch {
+    Ended(Ended),
+    /// Shared memory is not to be trusted any more.
+    Torn,
+}
+
 async fn supervise(
     plan: &Plan,
     instance: &Instance,
+    children: &mut Children,
     stops: &mut Stops,
     watch: &mut impl FnMut(&Glance<'_>),
 ) -> Result<Ended, SupervisorError> {
     let mut control = Control::listen(&plan.directory.join(place::CONTROL))
         .map_err(|cause| SupervisorError::System { what: "cannot open the control socket", cause })?;
-    let bus = Bus::join(instance, Service::Supervisor.name())?;
-    let _topics = bus.hold_all_topics()?;
-    let healths = bus.subscriber(Healths)?;
-    let mut children = Children::start(&plan.program, &plan.directory, &plan.services, plan.bounded);
+    let ended = loop {
+        let post = match Post::open(instance) {
+            Ok(post) => post,
+            Err(error) => break Err(error.into()),
+        };
+        match keep_watch(plan, &post, &mut control, children, stops, watch).await {
+            Ok(Watch::Ended(ended)) => break Ok(ended),
+            Ok(Watch::Torn) => {
+                stop_all(children, stops).await;
+                drop(post);
+                instance.wipe();
+                children.begin_again();
+            }
+            Err(error) => break Err(error),
+        }
+    };
+    stop_all(children, stops).await;
+    watch(&Glance { services: &children.status(monotonic_ns()), directory: &plan.directory });
+    ended
+}
+
+async fn keep_watch(
+    plan: &Plan,
+    post: &Post,
+    control: &mut Control,
+    children: &mut Children,
+    stops: &mut Stops,
+    watch: &mut impl FnMut(&Glance<'_>),
+) -> Result<Watch, SupervisorError> {
+    let mut deaths = signal(SignalKind::child())
+        .map_err(|cause| SupervisorError::System { what: "cannot be told of children that end", cause })?;
     let mut watch_timer = tokio::time::interval(WATCH);
     watch_timer.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let (mut next_glance_ns, mut next_clean_ns) = (0, monotonic_ns() + CLEAN_NS);
-    let ended = loop {
+    loop {
         tokio::select! {
-            () = stops.asked() => break Ok(Ended::Stopped),
+            () = stops.asked() => return Ok(Watch::Ended(Ended::Stopped)),
             Some((request, reply)) = control.next() => {
-                let down = request == Request::Down;
-                let _ = reply.send(answer(&request, &mut children));
-                if down { break Ok(Ended::Stopped) }
+                if answer(&request, reply, children) {
+                    return Ok(Watch::Ended(Ended::Stopped));
+                }
+                continue;
             }
-            _ = watch_timer.tick() => {
-                let now = monotonic_ns();
-                if let Err(error) = hear(&healths, &mut children) {
-                    break Err(error.into());
-                }
-                if let Some(exit) = children.look(now) {
-                    match exit {
-                        Exit::RunComplete => break Ok(Ended::Finished),
-                        Exit::Hopeless(why) => break Ok(Ended::Failed(why)),
-                    }
-                }
-                if now >= next_clean_ns {
-                    next_clean_ns = now + CLEAN_NS;
-                    bus.clean_dead();
-                }
-                if now >= next_glance_ns {
-                    next_glance_ns = now + GLANCE_NS;
-                    watch(&Glance { services: &children.status(now), directory: &plan.directory });
-                }
-            }
+            _ = deaths.recv() => {}
+            _ = watch_timer.tick() => {}
         }
-    };
-    stop_all(&mut children, stops).await;
-    watch(&Glance { services: &children.status(monotonic_ns()), directory: &plan.directory });
-    ended
+        let now = monotonic_ns();
+        while let Some(message) = post.healths.receive()? {
+            children.hear(message.payload(), now);
+        }
+        match children.look(now) {
+            Some(Exit::RunComplete) => return Ok(Watch::Ended(Ended::Finished)),
+            Some(Exit::Hopeless(why)) => return Ok(Watch::Ended(Ended::Failed(why))),
+            Some(Exit::Torn(service)) => {
+                tracing::error!(
+                    service = service.name(),
+                    "found its shared memory torn: all services begin anew"
+                );
+                return Ok(Watch::Torn);
+            }
+            None => {}
+        }
+        if now >= next_clean_ns {
+            next_clean_ns = now + CLEAN_NS;
+            post.bus.clean_dead();
+        }
+        if now >= next_glance_ns {
+            next_glance_ns = now + GLANCE_NS;
+            watch(&Glance { services: &children.status(now), directory: &plan.directory });
+        }
+    }
 }
 
 /// The signals that end a run.
@@ -226,37 +316,46 @@ impl Stops {
     }
 }
 
-/// SIGTERM to all, then SIGKILL to who is still there; a second signal kills at once.
+/// SIGTERM to the arm driver, and when the arm is at rest to all others; then SIGKILL to who is still there. A
+/// second signal kills at once.
 async fn stop_all(children: &mut Children, stops: &mut Stops) {
-    children.ask_all_to_end();
-    let limit = monotonic_ns() + STOP_LIMIT_NS;
-    let mut timer = tokio::time::interval(WATCH);
-    while !children.all_ended() && monotonic_ns() < limit {
-        tokio::select! {
-            () = stops.asked() => break,
-            _ = timer.tick() => {}
-        }
+    let moves_the_arm = |service| service == Service::ArmDriver;
+    children.stop(moves_the_arm);
+    if ended_within(children, stops, REST_LIMIT_NS, moves_the_arm).await {
+        children.stop(|_| true);
+        ended_within(children, stops, END_LIMIT_NS, |_| true).await;
     }
     children.kill_all();
 }
 
-fn hear(healths: &Subscriber<Healths>, children: &mut Children) -> Result<(), BusError> {
-    while let Some(message) = healths.receive()? {
-        children.hear(message.payload());
+/// Waits until those have ended that `which` holds for; `false` where a signal came.
+async fn ended_within(
+    children: &mut Children,
+    stops: &mut Stops,
+    limit_ns: u64,
+    which: impl Fn(Service) -> bool,
+) -> bool {
+    let limit = monotonic_ns() + limit_ns;
+    let mut timer = tokio::time::interval(END_LOOK);
+    while !children.have_ended(&which) && monotonic_ns() < limit {
+        tokio::select! {
+            () = stops.asked() => return false,
+            _ = timer.tick() => {}
+        }
     }
-    Ok(())
+    true
 }
 
-fn answer(request: &Request, children: &mut Children) -> Answer {
-    match request {
+/// Answers a question, now or later; whether everything shall end.
+fn answer(request: &Request, reply: Reply, children: &mut Children) -> bool {
+    let now = match request {
         Request::Status => Answer::Status { services: children.status(monotonic_ns()) },
-        Request::Restart { service } => match Service::from_name(service) {
-            Some(service) if children.restart(service) => Answer::Done,
-            _ => {
-                let known = Service::ALL.map(Service::name).join(", ");
-                Answer::Refused { why: format!("{service:?} is not a running service; there are {known}") }
-            }
-        },
+        Request::Restart { service, program } => {
+            children.restart(service, program.as_deref(), reply);
+            return false;
+        }
         Request::Down => Answer::Done,
-    }
+    };
+    let _ = reply.send(now);
+    *request == Request::Down
 }

@@ -3,14 +3,20 @@
 /// Exit code that says: starting again does not help.
 pub use pursuit_runtime::exit::DO_NOT_RESTART;
 
-/// Delay before the second restart in a row, ns; the first comes at once.
-const FIRST_DELAY_NS: u64 = 50_000_000;
-/// No delay is longer, ns.
-const MAX_DELAY_NS: u64 = 5_000_000_000;
-/// A service that has run this long is healthy: its past is forgotten, ns.
-const HEALTHY_NS: u64 = 10_000_000_000;
-/// So many deaths without a healthy time in between, and the service is given up.
-const INTENSITY: u32 = 8;
+/// Delay before the second restart in a row, ns; the first comes at once, each further one takes twice as long.
+const FIRST_DELAY_NS: f64 = 100e6;
+/// No delay is longer, ns, but for its jitter.
+const MAX_DELAY_NS: f64 = 10e9;
+/// Delays are longer by up to this share, so that what died together does not start together.
+const JITTER: f64 = 0.25;
+/// So much life makes one death forgotten, ns.
+const FORGIVEN_NS: f64 = 5e9;
+/// From so many deaths on that are not forgotten there is a delay.
+const FREE_DEATHS: f64 = 1.9;
+/// So many deaths within [`WINDOW_NS`], and the service is given up.
+pub const INTENSITY: usize = 5;
+/// See [`INTENSITY`].
+pub const WINDOW_NS: u64 = 10_000_000_000;
 
 /// What to do about a service that ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,26 +28,29 @@ pub enum Decision {
 }
 
 /// One service's history of deaths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct History {
-    deaths: u32,
+    /// Deaths that life since then has not made forgotten.
+    unforgotten: f64,
+    /// Times of the last deaths, newest first, ns.
+    last: [Option<u64>; INTENSITY],
 }
 
 impl History {
-    /// The service that was started at `started_ns` has died at `now_ns`.
-    pub fn died(&mut self, started_ns: u64, now_ns: u64) -> Decision {
-        if now_ns.saturating_sub(started_ns) >= HEALTHY_NS {
-            self.deaths = 0;
-        }
-        self.deaths += 1;
-        if self.deaths >= INTENSITY {
+    /// The service that was started at `started_ns` has died at `now_ns`; `jitter` in [0, 1).
+    pub fn died(&mut self, started_ns: u64, now_ns: u64, jitter: f64) -> Decision {
+        let life_ns = now_ns.saturating_sub(started_ns) as f64;
+        self.unforgotten = (self.unforgotten - life_ns / FORGIVEN_NS).max(0.0) + 1.0;
+        self.last.rotate_right(1);
+        self.last[0] = Some(now_ns);
+        if self.last[INTENSITY - 1].is_some_and(|first| now_ns.saturating_sub(first) < WINDOW_NS) {
             return Decision::GiveUp;
         }
-        let delay_ns = match self.deaths {
-            1 => 0,
-            n => FIRST_DELAY_NS.saturating_mul(1 << (n - 2).min(20)).min(MAX_DELAY_NS),
-        };
-        Decision::StartAt(now_ns + delay_ns)
+        if self.unforgotten < FREE_DEATHS {
+            return Decision::StartAt(now_ns);
+        }
+        let delay_ns = (FIRST_DELAY_NS * (self.unforgotten - 2.0).exp2()).min(MAX_DELAY_NS);
+        Decision::StartAt(now_ns + (delay_ns * (1.0 + JITTER * jitter)) as u64)
     }
 }
 
@@ -50,41 +59,68 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    #[test]
-    fn the_first_restart_comes_at_once() {
-        assert_eq!(History::default().died(0, 500), Decision::StartAt(500));
+    /// One that dies `life_ns` after each start, for ever; when it was started.
+    fn starts(life_ns: u64, limit_ns: u64) -> (Vec<u64>, bool) {
+        let (mut history, mut now, mut starts) = (History::default(), 0, vec![0]);
+        while now < limit_ns {
+            match history.died(now, now + life_ns, 0.0) {
+                Decision::StartAt(at) => now = at,
+                Decision::GiveUp => return (starts, true),
+            }
+            starts.push(now);
+        }
+        (starts, false)
     }
 
     #[test]
-    fn who_dies_again_and_again_is_given_up() {
-        let mut history = History::default();
-        let mut now = 0;
-        let mut starts = 0;
-        while let Decision::StartAt(at) = history.died(now, now + 1) {
-            now = at;
-            starts += 1;
-            assert!(starts <= INTENSITY);
-        }
-        assert_eq!(starts, INTENSITY - 1);
+    fn the_first_restart_comes_at_once_and_the_next_ones_later_and_later() {
+        let (starts, given_up) = starts(1_000_000, u64::MAX);
+        let delays: Vec<u64> = starts.windows(2).map(|pair| (pair[1] - pair[0]) / 10_000_000).collect();
+        assert_eq!(delays, [0, 10, 20, 40]);
+        assert!(given_up);
+    }
+
+    #[test]
+    fn who_dies_slowly_is_not_given_up_but_waited_for() {
+        let (starts, given_up) = starts(3_000_000_000, 1_000_000_000_000);
+        assert!(!given_up);
+        let last = starts[starts.len() - 1] - starts[starts.len() - 2];
+        assert_eq!(last, 13_000_000_000, "3 s of life, 10 s of delay");
     }
 
     #[test]
     fn a_healthy_time_is_a_new_life() {
-        let mut history = History::default();
-        for _ in 0..100 {
-            assert_eq!(history.died(0, HEALTHY_NS), Decision::StartAt(HEALTHY_NS));
-        }
+        let (starts, given_up) = starts(20_000_000_000, 1_000_000_000_000);
+        assert!(!given_up && starts.windows(2).all(|pair| pair[1] - pair[0] == 20_000_000_000));
     }
 
     proptest! {
         #[test]
-        fn delays_never_shrink_while_it_stays_ill(lives in prop::collection::vec(0..HEALTHY_NS, 1..20)) {
+        fn never_more_starts_than_the_intensity(
+            lives in prop::collection::vec((0..12_000_000_000u64, 0.0..1.0), 1..60),
+        ) {
+            let (mut history, mut now, mut starts) = (History::default(), 0u64, vec![0u64]);
+            for (life, jitter) in lives {
+                match history.died(now, now + life, jitter) {
+                    Decision::StartAt(at) => now = at,
+                    Decision::GiveUp => break,
+                }
+                starts.push(now);
+                // The first start is nobody's death.
+                let recent = starts[1..].iter().filter(|at| now - **at < WINDOW_NS).count();
+                prop_assert!(recent <= INTENSITY);
+            }
+        }
+
+        #[test]
+        fn delays_never_shrink_while_it_stays_ill(
+            lives in prop::collection::vec(0..FORGIVEN_NS as u64, 1..40),
+        ) {
             let (mut history, mut now, mut last) = (History::default(), 0u64, 0u64);
             for life in lives {
                 let died = now + life;
-                let Decision::StartAt(at) = history.died(now, died) else { break };
-                prop_assert!(at >= died);
-                prop_assert!(at - died >= last && at - died <= MAX_DELAY_NS);
+                let Decision::StartAt(at) = history.died(now, died, 0.0) else { break };
+                prop_assert!(at >= died && at - died >= last && at - died <= MAX_DELAY_NS as u64);
                 last = at - died;
                 now = at;
             }

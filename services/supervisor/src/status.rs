@@ -19,6 +19,12 @@ pub struct ServiceStatus {
     pub answered: u64,
     /// Frames passed over by the present process.
     pub skipped: u64,
+    /// Whether a former supervisor had started it.
+    #[serde(default)]
+    pub adopted: bool,
+    /// How its process before this one ended, where nobody had asked it to.
+    #[serde(default)]
+    pub last_end: Option<String>,
 }
 
 /// What a service is doing.
@@ -31,6 +37,8 @@ pub enum State {
     Running,
     /// Its heart beats, but it has no input (a camera that vanished).
     NoInput,
+    /// Its heart does not beat, and it does not hang: it gets no core, or waits for a disk.
+    Late,
     /// It died and will be started again.
     Restarting,
     /// It was asked to end.
@@ -48,6 +56,7 @@ impl State {
             State::Starting => "starting",
             State::Running => "running",
             State::NoInput => "no input",
+            State::Late => "late",
             State::Restarting => "restarting",
             State::Stopping => "stopping",
             State::Ended => "ended",
@@ -58,23 +67,32 @@ impl State {
 
 /// The table that `pursuit status` prints.
 pub fn table(services: &[ServiceStatus]) -> String {
-    let mut text = format!(
-        "{:<13} {:>8} {:<11} {:>8} {:>10} {:>10} {:>8}\n",
-        "service", "pid", "state", "restarts", "last beat", "answered", "skipped"
-    );
+    let line = |words: [&str; 8]| {
+        let [service, pid, state, restarts, beat, answered, skipped, note] = words;
+        let line = format!(
+            "{service:<13} {pid:>8} {state:<11} {restarts:>8} {beat:>10} {answered:>10} {skipped:>8}  {note}"
+        );
+        line.trim_end().to_owned() + "\n"
+    };
+    let mut text = line(["service", "pid", "state", "restarts", "last beat", "answered", "skipped", ""]);
     for s in services {
         let pid = s.pid.map_or_else(|| "-".to_owned(), |pid| pid.to_string());
         let beat = s.last_beat_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms} ms"));
-        text.push_str(&format!(
-            "{:<13} {:>8} {:<11} {:>8} {:>10} {:>10} {:>8}\n",
-            s.service,
-            pid,
+        let note = match (&s.last_end, s.adopted) {
+            (Some(end), _) => format!("before: {end}"),
+            (None, true) => "adopted".to_owned(),
+            (None, false) => String::new(),
+        };
+        text += &line([
+            &s.service,
+            &pid,
             s.state.word(),
-            s.restarts,
-            beat,
-            s.answered,
-            s.skipped
-        ));
+            &s.restarts.to_string(),
+            &beat,
+            &s.answered.to_string(),
+            &s.skipped.to_string(),
+            &note,
+        ]);
     }
     text
 }

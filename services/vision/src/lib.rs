@@ -32,6 +32,9 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let votes = station.bus.publisher(VoteFields)?;
     let frames = station.bus.frame_subscriber()?;
     let mut pairs = Pairs::new(config.baseline());
+    if !station.take_over()? {
+        return Ok(());
+    }
     while station.turn() {
         wait(&[&frames], TICK)?;
         votes.greet_new_readers();

@@ -440,7 +440,7 @@ impl Default for LearnerState {
 /// A service's sign of life (topic HEALTH), from inside its loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("pursuit/Health/1")]
+#[type_name("pursuit/Health/2")]
 pub struct Health {
     /// [`crate::Service`] as a number.
     pub service: u32,
@@ -458,6 +458,6 @@ pub struct Health {
     pub refused: u64,
     /// 1 where the service has no input (a camera that vanished, say).
     pub degraded: u32,
-    /// Always 0.
-    pub reserved: u32,
+    /// 1 where this process stands by: everything is attached, and it waits until the one before it has left.
+    pub standing_by: u32,
 }

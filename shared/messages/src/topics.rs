@@ -112,5 +112,5 @@ topic!(
 );
 topic!(
     /// Signs of life.
-    Healths, Health, "health/v1", kept(16, 8, 32, 2, 0)
+    Healths, Health, "health/v2", kept(16, 8, 32, 2, 0)
 );

@@ -1,5 +1,6 @@
 //! Where an instance lives: names of the files in its run-time directory.
 
+use crate::process::Identity;
 use std::path::{Path, PathBuf};
 
 /// Instance name of `config/sim.toml`, and of the command line where none is given.
@@ -19,7 +20,7 @@ pub fn directory(name: &str) -> PathBuf {
 
 /// The checked config that all services of a run read.
 pub const CONFIG: &str = "config.toml";
-/// Locked by the supervisor for as long as it lives; holds its pid.
+/// Locked by the supervisor for as long as it lives; says which process that is.
 pub const LOCK: &str = "lock";
 /// The supervisor's control socket.
 pub const CONTROL: &str = "control";
@@ -38,3 +39,19 @@ pub fn checkpoint(service: &str) -> String {
 pub const TRAJECTORY: &str = "trajectory.sha256";
 /// Held (shared) by every service as long as it lives: who can lock it alone knows that none is left.
 pub const SERVICES_LOCK: &str = "services.lock";
+
+/// Locked by the process that is the service now; says which one that is.
+pub fn service_lock(service: &str) -> String {
+    format!("{service}.lock")
+}
+
+/// The process that a lock file names, if it lives. Nothing is locked to find out.
+pub fn holder(lock: &Path) -> Option<Identity> {
+    let identity: Identity = std::fs::read_to_string(lock).ok()?.parse().ok()?;
+    identity.lives().then_some(identity)
+}
+
+/// The supervisor of the instance in `directory`, if it lives.
+pub fn supervisor(directory: &Path) -> Option<Identity> {
+    holder(&directory.join(LOCK))
+}

@@ -32,6 +32,8 @@ pub struct Run {
     pub pace: Pace,
     /// Seed of everything random.
     pub seed: u64,
+    /// Services whose supervisor is gone go on for so long, ns: then another one has adopted them, or they end.
+    pub lease_ns: u64,
 }
 
 /// Longest instance name: it is part of socket paths.
@@ -54,6 +56,7 @@ impl Run {
             clock: section.choice("clock", &[("lockstep", Clock::Lockstep), ("wall", Clock::Wall)]),
             pace: section.choice_or("pace", &[("free", Pace::Free), ("real", Pace::Real)], Pace::Free),
             seed: section.integer("seed", 0..=u64::from(u32::MAX)),
+            lease_ns: (section.float_or("lease_s", 0.2..=600.0, 5.0) * 1e9) as u64,
         }
     }
 }

@@ -1,11 +1,17 @@
 //! A service's place in the system: its bus, its config, its heartbeat, its end.
 
-use crate::clock::monotonic_ns;
+use crate::clock::{monotonic_ns, sleep_until_ns};
+use crate::process::Identity;
+use crate::settings::Run;
 use crate::{logging, place};
 use pursuit_bus::{Bus, BusError, Instance, InstanceError, Publisher};
 use pursuit_config::{Checker, Document, Faults, Scope};
 use pursuit_messages::topics::Healths;
 use pursuit_messages::{Health, ImageShape, Service, Stamp};
+use rustix::fs::{FlockOperation, flock};
+use std::ffi::CString;
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,10 +19,15 @@ use std::time::Duration;
 
 /// Longest wait of a service's loop: bounds what a lost wake-up costs, and how late a stop is seen.
 pub const TICK: Duration = Duration::from_millis(10);
-/// Period of the heartbeat.
-const BEAT_NS: u64 = 100_000_000;
-/// Set by the supervisor for its children: a service whose parent is another process ends by itself.
-pub const SUPERVISOR_PID: &str = "PURSUIT_SUPERVISOR_PID";
+/// Period of the heartbeat, ns.
+pub const BEAT_NS: u64 = 50_000_000;
+/// Set by the supervisor for its children: its [`Identity`]. A service that has none is on its own.
+pub const SUPERVISOR: &str = "PURSUIT_SUPERVISOR";
+/// Who stands by looks so often whether the process before it has left.
+const STANDBY_LOOK: Duration = Duration::from_millis(1);
+/// Who stands by says so after this time, ns: by then its inputs have what is kept for those who come late
+/// (writers look for new readers each [`TICK`]).
+const STANDBY_READY_NS: u64 = 50_000_000;
 
 /// Why a service ended.
 #[derive(Debug, thiserror::Error)]
@@ -61,10 +72,19 @@ pub struct Station {
     service: Service,
     pulse: Publisher<Healths>,
     stop: Arc<AtomicBool>,
-    parent: Option<u32>,
+    leash: Option<Leash>,
     next_beat_ns: u64,
-    /// Says that a service of this instance lives; the kernel gives it back with the process.
-    _alive: std::fs::File,
+    /// Says that this process is the service; the kernel gives it back with the process.
+    turf: Option<File>,
+    /// Says that a service of this instance lives.
+    _alive: File,
+}
+
+/// How long a service goes on without a supervisor.
+struct Leash {
+    lease_ns: u64,
+    /// When there was one last.
+    seen_ns: u64,
 }
 
 impl Station {
@@ -75,12 +95,18 @@ impl Station {
     /// [`ServiceError`].
     pub fn start(service: Service, directory: &Path) -> Result<Station, ServiceError> {
         logging::start();
+        // What `ps` and `top` show.
+        let name = CString::new(service.name()).unwrap_or_default();
+        let _ = rustix::thread::set_name(&name);
         let document = Document::load(&directory.join(place::CONFIG))?;
         let instance = Instance::at(directory)?;
         let alive = share_services_lock(directory)?;
-        let parent = std::env::var(SUPERVISOR_PID).ok().and_then(|text| text.parse().ok());
-        // The supervisor may have died while this process waited: its run is over, touch nothing.
-        if parent.is_some_and(|pid: u32| std::os::unix::process::parent_id() != pid) {
+        let checker = Checker::new(&document);
+        let lease_ns = Run::read(&checker).lease_ns;
+        checker.finish(Scope::ReadKeys)?;
+        let parent: Option<Identity> = std::env::var(SUPERVISOR).ok().and_then(|text| text.parse().ok());
+        // The supervisor may have died while this process waited: its run may be over, touch nothing.
+        if parent.is_some_and(|parent| !parent.lives()) {
             return Err(ServiceError::Other("the supervisor that started this service is gone".to_owned()));
         }
         let bus = Bus::join(&instance, service.name())?;
@@ -91,19 +117,52 @@ impl Station {
                 .map_err(|e| ServiceError::Other(format!("cannot take over signal {signal}: {e}")))?;
         }
         let health = Health { service: service as u32, pid: std::process::id(), ..Health::default() };
-        let directory = directory.to_path_buf();
         Ok(Station {
             bus,
             document,
             health,
-            directory,
+            directory: directory.to_path_buf(),
             service,
             pulse,
             stop,
-            parent,
+            leash: parent.map(|_| Leash { lease_ns, seen_ns: monotonic_ns() }),
             next_beat_ns: 0,
+            turf: None,
             _alive: alive,
         })
+    }
+
+    /// Waits until this process is the service: at once, or when the one before it has left. What is attached
+    /// to the bus before this call misses nothing meanwhile; what only one process may have (a saved state, a
+    /// camera, the drives) is opened after it. `false` means: end now.
+    ///
+    /// # Errors
+    /// [`ServiceError::Other`] where the lock file cannot be used.
+    pub fn take_over(&mut self) -> Result<bool, ServiceError> {
+        let path = self.directory.join(place::service_lock(self.service.name()));
+        let cannot =
+            |cause: std::io::Error| ServiceError::Other(format!("cannot lock {}: {cause}", path.display()));
+        let mut file = open_lock(&path).map_err(cannot)?;
+        let begin = monotonic_ns();
+        while let Err(error) = flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            if error != rustix::io::Errno::WOULDBLOCK {
+                return Err(cannot(error.into()));
+            }
+            let is_ready = monotonic_ns() >= begin + STANDBY_READY_NS;
+            self.health.standing_by = u32::from(is_ready);
+            // Its first beat says that it is ready.
+            let goes_on = if is_ready { self.turn() } else { !self.stop.load(Ordering::Relaxed) };
+            if !goes_on {
+                return Ok(false);
+            }
+            std::thread::sleep(STANDBY_LOOK);
+        }
+        file.set_len(0).map_err(cannot)?;
+        file.write_all(Identity::own().to_string().as_bytes()).map_err(cannot)?;
+        self.health.standing_by = 0;
+        self.next_beat_ns = 0;
+        self.turf = Some(file);
+        Ok(true)
     }
 
     /// A service's own part of the config, by its reader.
@@ -138,12 +197,33 @@ impl Station {
         if now >= self.next_beat_ns {
             self.next_beat_ns = now + BEAT_NS;
             self.beat(now);
-            if self.parent.is_some_and(|pid| std::os::unix::process::parent_id() != pid) {
-                tracing::warn!(service = self.service.name(), "the supervisor is gone: ending");
+            if !self.is_wanted(now) {
+                tracing::warn!(service = self.service.name(), "no supervisor any more: ending");
                 return false;
             }
         }
         !self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Whether there is a supervisor, or was one a lease ago; who stands by has no lease.
+    fn is_wanted(&mut self, now: u64) -> bool {
+        let Some(leash) = &mut self.leash else { return true };
+        if place::supervisor(&self.directory).is_some() {
+            leash.seen_ns = now;
+            return true;
+        }
+        self.turf.is_some() && now.saturating_sub(leash.seen_ns) < leash.lease_ns
+    }
+
+    /// Sleeps until `deadline_ns` on CLOCK_MONOTONIC, and beats meanwhile. `false` means: end now.
+    pub fn sleep_until(&mut self, deadline_ns: u64) -> bool {
+        while monotonic_ns() < deadline_ns {
+            if !self.turn() {
+                return false;
+            }
+            sleep_until_ns(deadline_ns.min(monotonic_ns() + TICK.as_nanos() as u64));
+        }
+        true
     }
 
     /// Counts a frame as answered.
@@ -161,17 +241,15 @@ impl Station {
 }
 
 /// Shares the lock of all services; waits while a supervisor sweeps the directory.
-fn share_services_lock(directory: &Path) -> Result<std::fs::File, ServiceError> {
+fn share_services_lock(directory: &Path) -> Result<File, ServiceError> {
     let path = directory.join(place::SERVICES_LOCK);
     let cannot =
         |cause: std::io::Error| ServiceError::Other(format!("cannot lock {}: {cause}", path.display()));
-    let file = std::fs::File::options()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(&path)
-        .map_err(cannot)?;
-    rustix::fs::flock(&file, rustix::fs::FlockOperation::LockShared).map_err(|e| cannot(e.into()))?;
+    let file = open_lock(&path).map_err(cannot)?;
+    flock(&file, FlockOperation::LockShared).map_err(|e| cannot(e.into()))?;
     Ok(file)
+}
+
+fn open_lock(path: &Path) -> std::io::Result<File> {
+    File::options().read(true).write(true).create(true).truncate(false).open(path)
 }

@@ -29,7 +29,10 @@ use safety::{Chain, Look, Verdict};
 use simulated::SimulatedArm;
 use step::Driver;
 
-/// Runs until stopped.
+/// Who is asked to end brakes first; this is longer than it takes from full speed, ns.
+const BRAKE_LIMIT_NS: u64 = 800_000_000;
+
+/// Runs until stopped; ends with the arm at rest.
 ///
 /// # Errors
 /// [`ServiceError`] for a wrong config or a bus that fails.
@@ -52,7 +55,16 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     arm.enable().map_err(lost)?;
     let mut newest: Option<Message<SetPoints>> = None;
     let (mut epoch, mut read_ns) = (0, monotonic_ns());
-    while station.turn() {
+    let (mut at_rest, mut leaving_ns) = (true, None);
+    loop {
+        if !station.turn() {
+            // In lock-step no time passes to brake in, unless somebody answers: the drives stop by themselves.
+            let since_ns = *leaving_ns.get_or_insert_with(monotonic_ns);
+            if at_rest || config.run.clock == Clock::Lockstep || monotonic_ns() > since_ns + BRAKE_LIMIT_NS {
+                break;
+            }
+            chain.end();
+        }
         wait(&[&set_points, arm.wakes()], TICK)?;
         joints.greet_new_readers();
         reporter.greet_new_readers();
@@ -84,7 +96,9 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             Some((_, stamp)) if chain.is_backwards(stamp) => Err(Refusal::Backwards),
             _ => driver.judge(now_ns, epoch, given),
         };
-        let judged = if due || config.run.clock == Clock::Wall { Some(judged) } else { None };
+        // Who leaves follows nothing any more.
+        let looks = (due || config.run.clock == Clock::Wall) && leaving_ns.is_none();
+        let judged = looks.then_some(judged);
         let verdict = chain.look(&Look {
             now_ns,
             reading: reading.as_ref(),
@@ -93,6 +107,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             frame: given.map(|(_, stamp)| (stamp.epoch, stamp.frame)).filter(|_| judged.is_some()),
             judged,
         });
+        at_rest = verdict.at_rest;
         reporter.take(&chain, &verdict, fresh, &world)?;
         if let (Some(reading), true) = (reading, due) {
             let command = match verdict.refusal {

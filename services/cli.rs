@@ -94,6 +94,8 @@ pub enum Verb {
     Detect(Detect),
     /// A measured experiment in lock-step, the paper's figure beside ours.
     Experiment(Experiment),
+    /// Kills, stops and lies to random services of a simulated system, and checks what must hold all the same.
+    Chaos(Chaos),
     /// Check a config file.
     Check {
         /// The file.
@@ -216,6 +218,29 @@ pub struct Record {
     /// Where the instance lives.
     #[command(flatten)]
     pub place: Place,
+}
+
+/// Options of `chaos`.
+#[derive(Args, Clone, Debug)]
+pub struct Chaos {
+    /// So long, s.
+    #[arg(long, default_value_t = 60.0)]
+    pub seconds: f64,
+    /// Seed of the faults: the same ones in the same order.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Set a key of the config.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Write the figures there, as JSON (`-`: to standard output).
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Record the run there, and check that the recording opens.
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Its run-time directory, in place of one below $XDG_RUNTIME_DIR.
+    #[arg(long)]
+    pub run_dir: Option<PathBuf>,
 }
 
 /// Options of `detect`.

@@ -2,6 +2,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod chaos;
 mod check;
 mod cli;
 mod demo;
@@ -63,6 +64,7 @@ fn main() -> ExitCode {
         Verb::Record(options) => record::run(&options),
         Verb::Detect(options) => detect(&options),
         Verb::Experiment(options) => experiment::run(&options),
+        Verb::Chaos(options) => chaos::run(&options),
         Verb::Check { file } => check::run(&file),
     };
     ExitCode::from(code)

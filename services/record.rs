@@ -12,7 +12,7 @@ use pursuit_messages::topics::{
 use pursuit_recording::{Entry, RecordingError, Sample, Writer};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::{TICK, exit, place};
-use pursuit_supervisor::instance::is_held;
+use pursuit_supervisor::instance::is_running;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,7 +29,7 @@ const WRITER_WAIT: Duration = Duration::from_millis(100);
 /// Records until a signal, the end of the instance, or the end of the time asked for.
 pub fn run(options: &Options) -> u8 {
     let directory = options.place.directory();
-    if !is_held(&directory) {
+    if !is_running(&directory) {
         eprintln!("pursuit record: nothing runs in {}; start it with `pursuit up`", directory.display());
         return exit::FAILED;
     }
@@ -87,7 +87,7 @@ fn record(directory: &Path, file: &Path, seconds: Option<f64>) -> Result<Counts,
         }
         if now >= look_ns {
             look_ns = now + LOOK_NS;
-            if !is_held(directory) {
+            if !is_running(directory) {
                 break;
             }
         }

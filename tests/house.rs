@@ -168,6 +168,7 @@ fn every_verb_is_in_the_readme() {
         "record",
         "detect",
         "experiment",
+        "chaos",
         "check",
     ] {
         assert!(readme.contains(&format!("pursuit {verb}")), "README.md does not show `pursuit {verb}`");

@@ -4,11 +4,11 @@
 
 use pursuit_bus::{Bus, BusError, FrameMessage, FrameReader, Reader};
 use pursuit_messages::topics::{
-    Frames, Healths, JointStates, LearnerStates, SetPoints, Targets, Topic, VoteFields, WorldCommands,
-    WorldStates,
+    DriverStates, Frames, Healths, JointStates, LearnerStates, SetPoints, Targets, Topic, VoteFields,
+    WorldCommands, WorldStates,
 };
 use pursuit_messages::{
-    Health, Joints, LearnerState, SetPoint, Stamp, Target, Votes, WorldCommand, WorldState,
+    DriverState, Health, Joints, LearnerState, SetPoint, Stamp, Target, Votes, WorldCommand, WorldState,
 };
 
 /// Readers of all topics.
@@ -21,6 +21,7 @@ pub struct Ears {
     learner: Reader<LearnerStates>,
     worlds: Reader<WorldStates>,
     commands: Reader<WorldCommands>,
+    driver: Reader<DriverStates>,
     healths: Reader<Healths>,
 }
 
@@ -43,6 +44,8 @@ pub enum Heard<'a> {
     World(&'a Stamp, &'a WorldState),
     /// WORLD_COMMAND.
     Command(&'a Stamp, &'a WorldCommand),
+    /// DRIVER_STATE; the stamp may be none of a frame.
+    Driver(&'a DriverState),
     /// HEALTH; the stamp is none of a frame.
     Health(&'a Health),
 }
@@ -62,6 +65,7 @@ impl Ears {
             learner: bus.reader(LearnerStates)?,
             worlds: bus.reader(WorldStates)?,
             commands: bus.reader(WorldCommands)?,
+            driver: bus.reader(DriverStates)?,
             healths: bus.reader(Healths)?,
         })
     }
@@ -84,6 +88,7 @@ impl Ears {
         failures += each(&self.learner, |stamp, state| tell(Heard::Learner(stamp, state)));
         failures += each(&self.set_points, |stamp, set_point| tell(Heard::SetPoint(stamp, set_point)));
         failures += each(&self.commands, |stamp, command| tell(Heard::Command(stamp, command)));
+        failures += each(&self.driver, |_, state| tell(Heard::Driver(state)));
         failures += each(&self.joints, |stamp, joints| tell(Heard::Joints(stamp, joints)));
         failures += each(&self.worlds, |stamp, world| tell(Heard::World(stamp, world)));
         failures
@@ -99,6 +104,7 @@ impl Ears {
             + self.learner.refused()
             + self.worlds.refused()
             + self.commands.refused()
+            + self.driver.refused()
             + self.healths.refused()
     }
 }

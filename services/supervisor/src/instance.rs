@@ -1,5 +1,6 @@
 //! Who holds the instance: one supervisor, and the services of its run.
 
+use pursuit_messages::Service;
 use pursuit_runtime::place;
 use pursuit_runtime::process::Identity;
 use rustix::fs::{FlockOperation, flock};
@@ -114,6 +115,12 @@ impl Held {
 /// Whether a supervisor holds the instance in `directory`.
 pub fn is_held(directory: &Path) -> bool {
     place::supervisor(directory).is_some()
+}
+
+/// Whether anything of the instance in `directory` runs: a supervisor, or services that wait for a new one.
+pub fn is_running(directory: &Path) -> bool {
+    let lives = |service: Service| place::holder(&directory.join(place::service_lock(service.name())));
+    is_held(directory) || Service::ALL.into_iter().any(|service| lives(service).is_some())
 }
 
 fn open(path: &Path) -> std::io::Result<File> {

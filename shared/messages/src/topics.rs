@@ -6,7 +6,7 @@
 //! | VOTES | vision | segmentation |
 //! | TARGET | segmentation | learner |
 //! | JOINTS | arm-driver | learner |
-//! | DRIVER_STATE | arm-driver | supervisor, `pursuit stop`, `pursuit reset` |
+//! | DRIVER_STATE | arm-driver | `pursuit reset`, `pursuit activate` |
 //! | SETPOINT | learner | arm-driver |
 //! | LEARNER_STATE | learner | simulator (evaluation) |
 //! | WORLD_STATE | simulator | acquisition (simulated camera), arm-driver (simulated drives) |

@@ -1,0 +1,122 @@
+//! The nemesis: which fault comes when. Pure: one seed, one plan.
+
+use pursuit_messages::Service;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use std::fmt;
+use std::time::Duration;
+
+/// Time between two faults, s.
+const PAUSE_S: std::ops::Range<f64> = 0.5..4.0;
+
+/// What a set-point can lie about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lie {
+    /// Not a number.
+    Garbage,
+    /// Far away from anything that an arm has.
+    Wrong,
+    /// Of a camera that is gone.
+    OldEpoch,
+    /// Of a frame that has not been taken.
+    FromTheFuture,
+}
+
+/// One fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// SIGKILL.
+    Kill(Service),
+    /// SIGSTOP.
+    Stop(Service),
+    /// A planned restart.
+    Restart(Service),
+    /// SIGKILL for the supervisor; another one comes at once.
+    KillSupervisor,
+    /// Somebody stops the arm, and resets it later.
+    EmergencyStop,
+    /// Somebody sends a set-point that is none.
+    Lie(Lie),
+}
+
+impl Fault {
+    /// The service that it is about, if it is about one.
+    pub fn service(self) -> Option<Service> {
+        match self {
+            Fault::Kill(service) | Fault::Stop(service) | Fault::Restart(service) => Some(service),
+            Fault::KillSupervisor | Fault::EmergencyStop | Fault::Lie(_) => None,
+        }
+    }
+
+    /// Whether the supervisor counts it as a death of that service.
+    pub fn is_a_death(self) -> bool {
+        matches!(self, Fault::Kill(_) | Fault::Stop(_))
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Fault::Kill(service) => write!(f, "SIGKILL for {}", service.name()),
+            Fault::Stop(service) => write!(f, "SIGSTOP for {}", service.name()),
+            Fault::Restart(service) => write!(f, "planned restart of {}", service.name()),
+            Fault::KillSupervisor => write!(f, "SIGKILL for the supervisor"),
+            Fault::EmergencyStop => write!(f, "emergency stop"),
+            Fault::Lie(lie) => write!(f, "a set-point that is {lie:?}"),
+        }
+    }
+}
+
+/// Where faults come from.
+pub struct Nemesis {
+    random: ChaCha8Rng,
+}
+
+impl Nemesis {
+    /// The one with that seed.
+    pub fn new(seed: u64) -> Nemesis {
+        Nemesis { random: ChaCha8Rng::seed_from_u64(seed) }
+    }
+
+    /// The next fault, and how long after the one before.
+    pub fn next(&mut self) -> (Duration, Fault) {
+        let pause = Duration::from_secs_f64(self.random.random_range(PAUSE_S));
+        let of_the_loop = Service::ALL.map(|service| service.is_in_the_loop().then_some(service));
+        let of_the_loop: Vec<Service> = of_the_loop.into_iter().flatten().collect();
+        let service = of_the_loop[self.random.random_range(0..of_the_loop.len())];
+        let lies = [Lie::Garbage, Lie::Wrong, Lie::OldEpoch, Lie::FromTheFuture];
+        let lie = lies[self.random.random_range(0..lies.len())];
+        let fault = match self.random.random_range(0..100) {
+            0..50 => Fault::Kill(service),
+            50..62 => Fault::Stop(service),
+            62..76 => Fault::Restart(service),
+            76..84 => Fault::KillSupervisor,
+            84..90 => Fault::EmergencyStop,
+            _ => Fault::Lie(lie),
+        };
+        (pause, fault)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_seed_is_one_plan_and_has_every_fault() {
+        let plan = |seed| {
+            let mut nemesis = Nemesis::new(seed);
+            (0..400).map(|_| nemesis.next()).collect::<Vec<_>>()
+        };
+        assert_eq!(plan(3), plan(3));
+        assert_ne!(plan(3), plan(4));
+        let faults: Vec<Fault> = plan(3).into_iter().map(|(_, fault)| fault).collect();
+        for service in Service::ALL.into_iter().filter(|service| service.is_in_the_loop()) {
+            for fault in [Fault::Kill(service), Fault::Stop(service), Fault::Restart(service)] {
+                assert!(faults.contains(&fault), "{fault}");
+            }
+        }
+        assert!(faults.contains(&Fault::KillSupervisor) && faults.contains(&Fault::EmergencyStop));
+    }
+}

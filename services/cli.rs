@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::chaos::plan::Kind;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use pursuit_runtime::place;
 use std::path::PathBuf;
@@ -229,6 +230,9 @@ pub struct Chaos {
     /// Seed of the faults: the same ones in the same order.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// These kinds of faults only.
+    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    pub faults: Vec<Kind>,
     /// Set a key of the config.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,

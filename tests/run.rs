@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use rustix::process::Signal;
 use serde_json::Value;
-use support::{Place, System, json, kill, pid_of};
+use support::{Place, System, json, kill, pid_of, wait_for};
 
 const FRAMES: &str = "40";
 
@@ -131,6 +131,53 @@ fn survives_the_death_of(service: &str) {
     assert_eq!(report["restarts"], 2, "{report}");
     assert_eq!(report["trajectory_sha256"], expected["trajectory_sha256"], "{}", place.log());
     assert_eq!(report["learning"], expected["learning"]);
+    place.assert_nothing_left();
+}
+
+/// Five deaths of each service, one after the other: the trajectory is that of an undisturbed run, to the bit.
+#[test]
+fn thirty_deaths_change_nothing() {
+    const LONG: &str = "400";
+    let calm = Place::new();
+    let file = calm.file("report.json");
+    let arguments = |frames, file: &PathBuf, pace: &str| {
+        let file = file.display().to_string();
+        let pace = format!("run.pace={pace}");
+        ["--frames", frames, "--seed", "11", "--set", &pace, "--json", &file].map(str::to_owned)
+    };
+    let run = |place: &Place, arguments: &[String]| {
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let mut system = place.up(&arguments);
+        assert!(system.end().0.success(), "{}", place.log());
+    };
+    run(&calm, &arguments(LONG, &file, "free"));
+    let expected = json(&file);
+
+    let place = Place::new();
+    let file = place.file("report.json");
+    let arguments = arguments(LONG, &file, "real");
+    let mut system = place.up(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    system.wait_until_running();
+    let frames = || {
+        let journal = std::fs::read_to_string(place.run_dir().join("journal.csv")).unwrap_or_default();
+        journal.lines().count()
+    };
+    for _ in 0..5 {
+        for service in ["simulator", "acquisition", "vision", "segmentation", "learner", "arm-driver"] {
+            let services = place.status().expect("it runs");
+            let pid = pid_of(&services, service);
+            kill(pid, Signal::KILL);
+            system.wait_until_replaced(service, pid);
+            // So much that none dies five times in ten seconds: it would be given up, as it should.
+            let seen = frames();
+            wait_for(|| (frames() >= seen + 10).then_some(())).expect("the run goes on");
+        }
+    }
+    let (status, _) = system.end();
+    assert!(status.success(), "{status}\n{}", place.log());
+    let report = json(&file);
+    assert_eq!(report["restarts"], 30, "{report}");
+    assert_eq!(report["trajectory_sha256"], expected["trajectory_sha256"], "{}", place.log());
     place.assert_nothing_left();
 }
 

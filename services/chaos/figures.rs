@@ -170,7 +170,7 @@ impl Figures {
             hang_ms: reborn_ms(&|fault| matches!(fault, Fault::Stop(_))),
             leftover_files,
             false_kills: hangs.saturating_sub(stops),
-            again: format!("pursuit chaos --seconds {} --seed {}", options.seconds, options.seed),
+            again: again(options),
         }
     }
 
@@ -215,6 +215,21 @@ impl Figures {
         }
         text
     }
+}
+
+fn again(options: &Options) -> String {
+    use clap::ValueEnum;
+    let mut text = format!("pursuit chaos --seconds {} --seed {}", options.seconds, options.seed);
+    let kinds: Vec<String> = options
+        .faults
+        .iter()
+        .filter_map(|kind| kind.to_possible_value().map(|value| value.get_name().to_owned()))
+        .collect();
+    if !kinds.is_empty() {
+        text.push_str(&format!(" --faults {}", kinds.join(",")));
+    }
+    options.set.iter().for_each(|set| text.push_str(&format!(" --set {set}")));
+    text
 }
 
 /// When what a fault did was over, ns.

@@ -6,7 +6,7 @@
 mod checker;
 mod figures;
 mod frames;
-mod plan;
+pub mod plan;
 mod system;
 
 use crate::check;
@@ -130,7 +130,7 @@ fn chaos(options: &Options, directory: &Path) -> Result<Figures, String> {
 impl Run {
     /// One fault after the other, for the time that was asked for.
     fn torment(&mut self, options: &Options, stop: &AtomicBool) {
-        let mut nemesis = Nemesis::new(options.seed);
+        let mut nemesis = Nemesis::new(options.seed, &options.faults);
         let end = Instant::now() + Duration::from_secs_f64(options.seconds.max(0.0));
         let (mut pause, mut fault) = nemesis.next();
         let mut next = Instant::now() + pause;

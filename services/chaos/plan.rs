@@ -23,6 +23,23 @@ pub enum Lie {
     FromTheFuture,
 }
 
+/// A kind of fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Kind {
+    /// SIGKILL for a service.
+    Kill,
+    /// SIGSTOP for a service.
+    Stop,
+    /// A planned restart of a service.
+    Restart,
+    /// SIGKILL for the supervisor.
+    Supervisor,
+    /// An emergency stop.
+    Emergency,
+    /// A set-point that is none.
+    Lie,
+}
+
 /// One fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -41,6 +58,18 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// Its kind.
+    pub fn kind(self) -> Kind {
+        match self {
+            Fault::Kill(_) => Kind::Kill,
+            Fault::Stop(_) => Kind::Stop,
+            Fault::Restart(_) => Kind::Restart,
+            Fault::KillSupervisor => Kind::Supervisor,
+            Fault::EmergencyStop => Kind::Emergency,
+            Fault::Lie(_) => Kind::Lie,
+        }
+    }
+
     /// The service that it is about, if it is about one.
     pub fn service(self) -> Option<Service> {
         match self {
@@ -71,16 +100,26 @@ impl fmt::Display for Fault {
 /// Where faults come from.
 pub struct Nemesis {
     random: ChaCha8Rng,
+    kinds: Vec<Kind>,
 }
 
 impl Nemesis {
-    /// The one with that seed.
-    pub fn new(seed: u64) -> Nemesis {
-        Nemesis { random: ChaCha8Rng::seed_from_u64(seed) }
+    /// The one with that seed; of `kinds` only, or of all where that is empty.
+    pub fn new(seed: u64, kinds: &[Kind]) -> Nemesis {
+        Nemesis { random: ChaCha8Rng::seed_from_u64(seed), kinds: kinds.to_vec() }
     }
 
     /// The next fault, and how long after the one before.
     pub fn next(&mut self) -> (Duration, Fault) {
+        loop {
+            let (pause, fault) = self.any();
+            if self.kinds.is_empty() || self.kinds.contains(&fault.kind()) {
+                return (pause, fault);
+            }
+        }
+    }
+
+    fn any(&mut self) -> (Duration, Fault) {
         let pause = Duration::from_secs_f64(self.random.random_range(PAUSE_S));
         let of_the_loop = Service::ALL.map(|service| service.is_in_the_loop().then_some(service));
         let of_the_loop: Vec<Service> = of_the_loop.into_iter().flatten().collect();
@@ -106,7 +145,7 @@ mod tests {
     #[test]
     fn one_seed_is_one_plan_and_has_every_fault() {
         let plan = |seed| {
-            let mut nemesis = Nemesis::new(seed);
+            let mut nemesis = Nemesis::new(seed, &[]);
             (0..400).map(|_| nemesis.next()).collect::<Vec<_>>()
         };
         assert_eq!(plan(3), plan(3));
@@ -117,6 +156,8 @@ mod tests {
                 assert!(faults.contains(&fault), "{fault}");
             }
         }
+        let mut some = Nemesis::new(3, &[Kind::Lie, Kind::Stop]);
+        assert!((0..50).all(|_| matches!(some.next().1.kind(), Kind::Lie | Kind::Stop)));
         assert!(faults.contains(&Fault::KillSupervisor) && faults.contains(&Fault::EmergencyStop));
     }
 }

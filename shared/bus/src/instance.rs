@@ -34,6 +34,16 @@ pub enum InstanceError {
         "the run-time directory {0} has characters that a shared-memory name cannot have; choose another with --run-dir"
     )]
     BadName(String),
+    /// Others could put something into it, or take it away.
+    #[error(
+        "the run-time directory {directory} {what}: it must be yours alone (`chmod 700 {directory}`), or choose another with --run-dir"
+    )]
+    NotPrivate {
+        /// The directory.
+        directory: String,
+        /// What is wrong with it.
+        what: String,
+    },
     /// The file system refused.
     #[error("the run-time directory {directory}: {cause}")]
     Io {
@@ -49,11 +59,12 @@ impl Instance {
     /// The instance that lives in `directory`, which is created for its owner alone where it is missing.
     ///
     /// # Errors
-    /// [`InstanceError`] where the path is too long, or the directory cannot be made.
+    /// [`InstanceError`] where the path is too long, or the directory cannot be made, or is not private.
     pub fn at(directory: &Path) -> Result<Instance, InstanceError> {
         use std::os::unix::fs::DirBuilderExt;
         let io = |cause| InstanceError::Io { directory: directory.display().to_string(), cause };
         std::fs::DirBuilder::new().recursive(true).mode(0o700).create(directory).map_err(io)?;
+        is_private(directory)?;
         let directory = directory.canonicalize().map_err(io)?;
         let prefix = format!("pur_{:08x}_", fnv1a(directory.as_os_str().as_encoded_bytes()));
         let root = directory.join("iox");
@@ -110,6 +121,24 @@ impl Instance {
         }
         config
     }
+}
+
+/// Whether the directory is its owner's alone, and that is us.
+fn is_private(directory: &Path) -> Result<(), InstanceError> {
+    use std::os::unix::fs::MetadataExt;
+    let name = || directory.display().to_string();
+    let metadata = std::fs::symlink_metadata(directory)
+        .map_err(|cause| InstanceError::Io { directory: name(), cause })?;
+    let what = if !metadata.is_dir() {
+        "is a link".to_owned()
+    } else if metadata.uid() != rustix::process::getuid().as_raw() {
+        format!("belongs to user {}", metadata.uid())
+    } else if metadata.mode() & 0o077 != 0 {
+        format!("is open to others (mode {:o})", metadata.mode() & 0o777)
+    } else {
+        return Ok(());
+    };
+    Err(InstanceError::NotPrivate { directory: name(), what })
 }
 
 /// FNV-1a, 32 bits: names only, no secret.

@@ -153,3 +153,19 @@ fn a_path_too_long_for_a_socket_is_refused_with_its_length() {
     assert!(error.to_string().contains("--run-dir"), "{error}");
     let _ = std::fs::remove_dir_all(format!("/tmp/{}", "x".repeat(80)));
 }
+
+#[test]
+fn a_directory_that_is_not_ours_alone_is_refused_with_the_way_out() {
+    use std::os::unix::fs::PermissionsExt;
+    let base = PathBuf::from(format!("/tmp/pbp{}", std::process::id()));
+    let open = base.join("open");
+    std::fs::create_dir_all(&open).unwrap();
+    std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let error = Instance::at(&open).err().unwrap().to_string();
+    assert!(error.contains("mode 755") && error.contains("chmod 700"), "{error}");
+    std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o700)).unwrap();
+    assert!(Instance::at(&open).is_ok());
+    std::os::unix::fs::symlink(&open, base.join("link")).unwrap();
+    assert!(Instance::at(&base.join("link")).err().unwrap().to_string().contains("is a link"));
+    std::fs::remove_dir_all(&base).unwrap();
+}

@@ -60,6 +60,19 @@ impl Spread {
     }
 }
 
+/// One fault, and what it cost.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cost {
+    /// Which.
+    pub fault: String,
+    /// After the first one, s.
+    pub at_s: f64,
+    /// Frames without an answer around it; `null` where others happened at the same time.
+    pub unanswered: Option<usize>,
+    /// From it to the first beat of the next process, ms.
+    pub reborn_ms: Option<f64>,
+}
+
 /// All figures of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Figures {
@@ -93,6 +106,8 @@ pub struct Figures {
     pub leftover_files: usize,
     /// Services killed that did not hang.
     pub false_kills: usize,
+    /// All faults in their order.
+    pub costs: Vec<Cost>,
     /// The command that does it again.
     pub again: String,
 }
@@ -114,22 +129,29 @@ impl Figures {
                 std::ptr::eq(other, this) || other.time_ns > to || end_of(checker, other) + FIRST_NS < from
             })
         };
-        // Of what happened alone: who was killed twice is not to be told apart.
+        let begin_ns = injected.first().map_or(0, |first| first.time_ns);
+        let costs: Vec<Cost> = injected
+            .iter()
+            .map(|one| {
+                // Where two things happened at once nobody can tell whose frames are missing.
+                let (from, to) = (one.time_ns - ON_ITS_WAY_NS, end_of(checker, one) + FIRST_NS);
+                let counts = to < settled_ns && alone(from, to, one);
+                let reborn = one.fault.service().and_then(|service| checker.reborn(service, one.time_ns));
+                Cost {
+                    fault: one.fault.to_string(),
+                    at_s: (one.time_ns - begin_ns) as f64 * 1e-9,
+                    unanswered: counts.then(|| checker.frames.unanswered(from, to)),
+                    reborn_ms: reborn.map(|at| (at - one.time_ns) as f64 * 1e-6),
+                }
+            })
+            .collect();
         let around = |which: &dyn Fn(Fault) -> bool| {
-            let of = |injected: &Injected| {
-                let (from, to) = (injected.time_ns - ON_ITS_WAY_NS, end_of(checker, injected) + FIRST_NS);
-                let counts = which(injected.fault) && to < settled_ns && alone(from, to, injected);
-                counts.then(|| checker.frames.unanswered(from, to) as f64)
-            };
-            Spread::of(injected.iter().filter_map(of).collect())
+            let those = injected.iter().zip(&costs).filter(|(one, _)| which(one.fault));
+            Spread::of(those.filter_map(|(_, cost)| cost.unanswered.map(|count| count as f64)).collect())
         };
         let reborn_ms = |which: &dyn Fn(Fault) -> bool| {
-            let of = |injected: &Injected| {
-                let service = injected.fault.service().filter(|_| which(injected.fault))?;
-                let at = checker.reborn(service, injected.time_ns)?;
-                Some((at - injected.time_ns) as f64 * 1e-6)
-            };
-            Spread::of(injected.iter().filter_map(of).collect())
+            let those = injected.iter().zip(&costs).filter(|(one, _)| which(one.fault));
+            Spread::of(those.filter_map(|(_, cost)| cost.reborn_ms).collect())
         };
         let stops = injected.iter().filter(|one| matches!(one.fault, Fault::Stop(_))).count();
         let hangs = log.lines().filter(|line| line.contains("hangs: ")).count();
@@ -170,6 +192,7 @@ impl Figures {
             hang_ms: reborn_ms(&|fault| matches!(fault, Fault::Stop(_))),
             leftover_files,
             false_kills: hangs.saturating_sub(stops),
+            costs,
             again: again(options),
         }
     }

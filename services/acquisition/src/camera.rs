@@ -32,7 +32,8 @@ pub enum CameraError {
     Empty(String),
 }
 
-/// A camera. `expose` is called at most once for what `wait` gave, with a buffer of exactly the
+/// A camera. To make one opens nothing: the first `wait` does, when the process before this one has left. `expose` is
+/// called at most once for what `wait` gave, with a buffer of exactly the
 /// configured frame's size: a camera writes each pixel once, into memory that the readers will read.
 pub trait Camera {
     /// The next exposure, waiting for it no longer than `limit`.

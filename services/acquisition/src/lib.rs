@@ -25,13 +25,14 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
     let shape = config.camera.shape();
     let frames = station.bus.frame_publisher(shape.bytes())?;
-    if !station.take_over()? {
-        return Ok(());
-    }
     let mut camera: Box<dyn Camera> = match &config.source {
         Source::Simulated(scene) => Box::new(SimulatedCamera::new(&station.bus, scene, config.run.clock)?),
         Source::Files(files) => Box::new(FileCamera::new(files, &config.camera)),
     };
+    // A camera is opened by the first wait for it: only one process may have it.
+    if !station.take_over()? {
+        return Ok(());
+    }
     while station.turn() {
         match camera.wait(TICK) {
             Ok(Some(exposure)) => {

@@ -9,6 +9,7 @@
 
 pub mod arm;
 pub mod config;
+pub mod guard;
 pub mod latch;
 mod reporter;
 pub mod safety;
@@ -17,15 +18,16 @@ pub mod step;
 
 use arm::{Arm, ArmError};
 use config::Config;
+use guard::{Guard, Turn};
 use latch::Latches;
 use pursuit_bus::{Message, wait};
 use pursuit_messages::topics::{DriverStates, JointStates, SetPoints};
-use pursuit_messages::{Refusal, Service, Stage};
+use pursuit_messages::{Service, Stage};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
 use reporter::Reporter;
-use safety::{Chain, Look, Verdict};
+use safety::{Chain, Verdict};
 use simulated::SimulatedArm;
 use step::Driver;
 
@@ -51,10 +53,10 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let latches = Latches::open(station.directory())
         .map_err(|e| ServiceError::Other(format!("cannot look for stops in the run-time directory: {e}")))?;
     latches.forget_wishes();
-    let mut chain = Chain::new(config.rules, config.coupling.arm());
+    let mut guard = Guard::new(driver, Chain::new(config.rules, config.coupling.arm()));
     arm.enable().map_err(lost)?;
     let mut newest: Option<Message<SetPoints>> = None;
-    let (mut epoch, mut read_ns) = (0, monotonic_ns());
+    let mut read_ns = monotonic_ns();
     let (mut at_rest, mut leaving_ns) = (true, None);
     loop {
         if !station.turn() {
@@ -63,15 +65,13 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             if at_rest || config.run.clock == Clock::Lockstep || monotonic_ns() > since_ns + BRAKE_LIMIT_NS {
                 break;
             }
-            chain.end();
+            guard.end();
         }
         wait(&[&set_points, arm.wakes()], TICK)?;
         joints.greet_new_readers();
         reporter.greet_new_readers();
         arm.greet_new_readers();
         if let Some((message, _)) = set_points.newest()? {
-            // Epochs are start times: an older one is of a camera that is gone.
-            epoch = epoch.max(message.stamp().epoch);
             newest = Some(message);
         }
         let fresh = arm.refresh()?;
@@ -92,28 +92,19 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             Clock::Wall => (fresh, 1),
         };
         let now_ns = reading.map_or(begin, |reading| reading.time_ns);
-        let judged = match given {
-            Some((_, stamp)) if chain.is_backwards(stamp) => Err(Refusal::Backwards),
-            _ => driver.judge(now_ns, epoch, given),
-        };
-        // Who leaves follows nothing any more.
-        let looks = (due || config.run.clock == Clock::Wall) && leaving_ns.is_none();
-        let judged = looks.then_some(judged);
-        let verdict = chain.look(&Look {
+        let (verdict, command) = guard.turn(&Turn {
             now_ns,
             reading: reading.as_ref(),
+            given,
             latch: latches.set(),
             wish: latches.take_wish(),
-            frame: given.map(|(_, stamp)| (stamp.epoch, stamp.frame)).filter(|_| judged.is_some()),
-            judged,
+            // Who leaves follows nothing any more.
+            looks: (due || config.run.clock == Clock::Wall) && leaving_ns.is_none(),
+            cycles: due.then_some(cycles),
         });
         at_rest = verdict.at_rest;
-        reporter.take(&chain, &verdict, fresh, &world)?;
-        if let (Some(reading), true) = (reading, due) {
-            let command = match verdict.refusal {
-                Some(refusal) => driver.rest(now_ns, &reading.drives, refusal, cycles),
-                None => driver.step(now_ns, epoch, &reading.drives, given, cycles),
-            };
+        reporter.take(guard.chain(), &verdict, fresh, &world)?;
+        if let Some(command) = command {
             reporter.refusal = command.refusal;
             let cause = given.map_or(world, |(_, stamp)| *stamp);
             let stamp = cause.extended(Service::ArmDriver, Stage::Drive, begin, monotonic_ns());
@@ -129,8 +120,8 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         }
         remember(&latches, &verdict);
     }
-    chain.end();
-    reporter.end(&chain)?;
+    guard.end();
+    reporter.end(guard.chain())?;
     arm.stop().map_err(lost)
 }
 

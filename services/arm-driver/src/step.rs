@@ -171,38 +171,12 @@ impl Driver {
         set_point: Option<(&SetPoint, &Stamp)>,
         cycles: usize,
     ) -> Command {
-        match self.gate(now_ns, epoch, set_point) {
-            Ok(goal) => self.go(now_ns, drives, Some(goal), None, cycles),
-            Err(refusal) => self.rest(now_ns, drives, refusal, cycles),
-        }
+        self.go(now_ns, drives, self.judge(now_ns, epoch, set_point), cycles)
     }
 
-    /// What the gates say of a set-point.
-    ///
-    /// # Errors
-    /// Why it must not be followed.
-    pub fn judge(
-        &self,
-        now_ns: u64,
-        epoch: u64,
-        set_point: Option<(&SetPoint, &Stamp)>,
-    ) -> Result<(), Refusal> {
-        self.gate(now_ns, epoch, set_point).map(|_| ())
-    }
-
-    /// The next `cycles` drive cycles of coming to rest, or of staying there, because of `refusal`.
-    pub fn rest(&self, now_ns: u64, drives: &Drives, refusal: Refusal, cycles: usize) -> Command {
-        self.go(now_ns, drives, None, Some(refusal), cycles)
-    }
-
-    fn go(
-        &self,
-        now_ns: u64,
-        drives: &Drives,
-        goal: Option<Goal>,
-        refusal: Option<Refusal>,
-        cycles: usize,
-    ) -> Command {
+    /// The next `cycles` drive cycles towards a goal, or, because of a refusal, of coming to rest or staying there.
+    pub fn go(&self, now_ns: u64, drives: &Drives, goal: Result<Goal, Refusal>, cycles: usize) -> Command {
+        let refusal = goal.err();
         let issued = match self.issued(drives) {
             Ok(issued) => issued,
             Err(refusal) => return Command::empty(refusal),
@@ -211,7 +185,8 @@ impl Driver {
         let mut motion = issued;
         for k in 0..cycles.min(MAX_CYCLES) {
             let time_ns = now_ns.saturating_add((k as u64 + 1).saturating_mul(self.parameters.cycle_ns));
-            match self.cycle(motion, goal.and_then(|goal| goal.at(time_ns, self.parameters.watchdog_ns))) {
+            match self.cycle(motion, goal.ok().and_then(|goal| goal.at(time_ns, self.parameters.watchdog_ns)))
+            {
                 Some((next, cycle)) => {
                     motion = next;
                     command.cycles[k] = cycle;
@@ -227,7 +202,15 @@ impl Driver {
     }
 
     /// The gates, in order. What passes them is the goal.
-    fn gate(&self, now_ns: u64, epoch: u64, set_point: Option<(&SetPoint, &Stamp)>) -> Result<Goal, Refusal> {
+    ///
+    /// # Errors
+    /// Why the set-point must not be followed.
+    pub fn judge(
+        &self,
+        now_ns: u64,
+        epoch: u64,
+        set_point: Option<(&SetPoint, &Stamp)>,
+    ) -> Result<Goal, Refusal> {
         let (set_point, stamp) = set_point.ok_or(Refusal::None)?;
         if stamp.layout != LAYOUT || stamp.epoch != epoch {
             return Err(Refusal::OldEpoch);
@@ -319,8 +302,8 @@ impl Driver {
 }
 
 /// A set-point that has passed the gates.
-#[derive(Clone, Copy)]
-struct Goal {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
     exposure_ns: u64,
     motions: [Motion; 2],
 }

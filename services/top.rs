@@ -114,6 +114,8 @@ mod tests {
             skipped: 0,
             adopted: false,
             last_end: None,
+            refused: 0,
+            lack: None,
         };
         let (mut rates, start) = (Rates::default(), Instant::now());
         let later = |s| start + Duration::from_secs(s);

@@ -263,6 +263,7 @@ fn end_of(checker: &Checker, injected: &Injected) -> u64 {
         Fault::Kill(_) | Fault::Stop(_) => reborn,
         Fault::KillSupervisor => Some(injected.time_ns + 1_000_000_000),
         Fault::EmergencyStop => Some(injected.time_ns + 2_000_000_000),
+        Fault::Camera(_) => Some(injected.time_ns + 2_000_000_000),
         Fault::Lie(_) => Some(injected.time_ns + 500_000_000),
     };
     end.unwrap_or(injected.time_ns + LONGEST_NS)

@@ -38,6 +38,8 @@ const STOPPED_NS: u64 = 1_500_000_000;
 const SETTLED: Duration = Duration::from_secs(3);
 /// Open files may be more than then by so many: services that are being restarted.
 const MORE_FILES: usize = 16;
+/// A camera is ill for so long, ns.
+const ILL_NS: u64 = 1_200_000_000;
 /// Deaths of one service in ten seconds that the nemesis does not go beyond: at one more the supervisor gives
 /// it up, as it should.
 const DEATHS: usize = 3;
@@ -229,6 +231,10 @@ impl Run {
             }
         } else {
             self.stopped_ns = None;
+        }
+        let ill = |injected: &&Injected| matches!(injected.fault, Fault::Camera(_));
+        if self.injected.iter().rev().find(ill).is_some_and(|last| now > last.time_ns + ILL_NS) {
+            self.system.heal();
         }
         while let Some(outcome) = self.system.outcome() {
             let asked = outcome.times_ns.0;

@@ -1,5 +1,6 @@
 //! The nemesis: which fault comes when. Pure: one seed, one plan.
 
+use pursuit_acquisition::fault::Fault as CameraFault;
 use pursuit_messages::Service;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -38,6 +39,8 @@ pub enum Kind {
     Emergency,
     /// A set-point that is none.
     Lie,
+    /// A camera that fails for a while.
+    Camera,
 }
 
 /// One fault.
@@ -55,6 +58,8 @@ pub enum Fault {
     EmergencyStop,
     /// Somebody sends a set-point that is none.
     Lie(Lie),
+    /// The camera has this for a while.
+    Camera(CameraFault),
 }
 
 impl Fault {
@@ -67,6 +72,7 @@ impl Fault {
             Fault::KillSupervisor => Kind::Supervisor,
             Fault::EmergencyStop => Kind::Emergency,
             Fault::Lie(_) => Kind::Lie,
+            Fault::Camera(_) => Kind::Camera,
         }
     }
 
@@ -74,7 +80,7 @@ impl Fault {
     pub fn service(self) -> Option<Service> {
         match self {
             Fault::Kill(service) | Fault::Stop(service) | Fault::Restart(service) => Some(service),
-            Fault::KillSupervisor | Fault::EmergencyStop | Fault::Lie(_) => None,
+            Fault::KillSupervisor | Fault::EmergencyStop | Fault::Lie(_) | Fault::Camera(_) => None,
         }
     }
 
@@ -92,6 +98,7 @@ impl fmt::Display for Fault {
             Fault::Restart(service) => write!(f, "planned restart of {}", service.name()),
             Fault::KillSupervisor => write!(f, "SIGKILL for the supervisor"),
             Fault::EmergencyStop => write!(f, "emergency stop"),
+            Fault::Camera(fault) => write!(f, "a camera that is {}", format!("{fault:?}").to_lowercase()),
             Fault::Lie(lie) => write!(f, "a set-point that is {lie:?}"),
         }
     }
@@ -126,13 +133,15 @@ impl Nemesis {
         let service = of_the_loop[self.random.random_range(0..of_the_loop.len())];
         let lies = [Lie::Garbage, Lie::Wrong, Lie::OldEpoch, Lie::FromTheFuture];
         let lie = lies[self.random.random_range(0..lies.len())];
+        let (_, camera) = CameraFault::ALL[self.random.random_range(0..CameraFault::ALL.len())];
         let fault = match self.random.random_range(0..100) {
-            0..50 => Fault::Kill(service),
-            50..62 => Fault::Stop(service),
-            62..76 => Fault::Restart(service),
-            76..84 => Fault::KillSupervisor,
-            84..90 => Fault::EmergencyStop,
-            _ => Fault::Lie(lie),
+            0..46 => Fault::Kill(service),
+            46..57 => Fault::Stop(service),
+            57..70 => Fault::Restart(service),
+            70..77 => Fault::KillSupervisor,
+            77..83 => Fault::EmergencyStop,
+            83..91 => Fault::Lie(lie),
+            _ => Fault::Camera(camera),
         };
         (pause, fault)
     }

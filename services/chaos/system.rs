@@ -1,6 +1,7 @@
 //! The system under test: real processes, and what is done to them.
 
 use super::plan::{Fault, Lie};
+use pursuit_acquisition::fault::Fault as CameraFault;
 use pursuit_arm_driver::latch::Latches;
 use pursuit_arm_driver::safety::{Latch, Wish};
 use pursuit_bus::{Bus, Instance, Publisher};
@@ -19,7 +20,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// What every run has; the options of the command line come after it.
-const SETTINGS: [&str; 5] = [
+const SETTINGS: [&str; 6] = [
+    "acquisition.faults=true",
     "run.clock=wall",
     "camera.rate_hz=25",
     "learner.training_moves=12",
@@ -106,7 +108,18 @@ impl System {
             }
             Fault::EmergencyStop => self.latches.latch(Latch::Emergency).is_ok(),
             Fault::Lie(_) => true,
+            Fault::Camera(fault) => {
+                let word =
+                    CameraFault::ALL.into_iter().find(|(_, one)| *one == fault).map_or("", |(word, _)| word);
+                std::fs::write(self.directory.join(place::CAMERA_FAULT), word)?;
+                true
+            }
         })
+    }
+
+    /// The camera is well again.
+    pub fn heal(&self) {
+        let _ = std::fs::remove_file(self.directory.join(place::CAMERA_FAULT));
     }
 
     fn restart(&self, service: Service) {

@@ -14,7 +14,14 @@ pub struct Config {
     pub camera: settings::Camera,
     /// Where frames come from.
     pub source: Source,
+    /// The same image for so long is a stuck camera, ns; 0: never.
+    pub frozen_ns: u64,
+    /// Whether the camera can be told to fail.
+    pub faults: bool,
 }
+
+/// The same image for so long is a stuck camera, ms.
+const FROZEN_MS: f64 = 100.0;
 
 /// Where frames come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,7 +61,14 @@ impl Config {
             );
         }
         let source = if files { Source::Files(Files { folder, repeats }) } else { Source::Simulated(scene) };
-        Config { run, camera, source }
+        // Without noise two images may well be the same, and films have doubled frames.
+        let repeats = match &source {
+            Source::Files(_) => true,
+            Source::Simulated(scene) => scene.noise_sigma == 0.0,
+        };
+        let frozen_ms = section.float_or("frozen_ms", 0.0..=60_000.0, if repeats { 0.0 } else { FROZEN_MS });
+        let faults = section.flag_or("faults", false);
+        Config { run, camera, source, frozen_ns: (frozen_ms * 1e6) as u64, faults }
     }
 }
 

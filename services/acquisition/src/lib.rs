@@ -1,11 +1,13 @@
 //! Acquisition: exposes, stamps and publishes frames, straight into the loaned sample.
 //!
 //! A frame's way: the camera says that one is due → a sample is loaned from the bus → the camera writes
-//! its pixels into it → FRAMES.
+//! its pixels into it → a look at whether it is an image of now ([`sanity`]) → FRAMES.
 
 pub mod camera;
 pub mod config;
+pub mod fault;
 mod files;
+pub mod sanity;
 mod simulated;
 
 pub use camera::{Camera, CameraError, Exposure};
@@ -13,9 +15,12 @@ pub use files::FileCamera;
 pub use simulated::{SimulatedCamera, view_of};
 
 use config::{Config, Source};
-use pursuit_messages::{Service, Stage, Stamp};
+use fault::FaultyCamera;
+use pursuit_messages::{Lack, Service, Stage, Stamp};
 use pursuit_runtime::clock::monotonic_ns;
-use pursuit_runtime::{ServiceError, Station, TICK};
+use pursuit_runtime::settings::Clock;
+use pursuit_runtime::{ServiceError, Station, TICK, place};
+use sanity::Sanity;
 
 /// Runs until stopped.
 ///
@@ -29,6 +34,10 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         Source::Simulated(scene) => Box::new(SimulatedCamera::new(&station.bus, scene, config.run.clock)?),
         Source::Files(files) => Box::new(FileCamera::new(files, &config.camera)),
     };
+    if config.faults {
+        camera = Box::new(FaultyCamera::new(camera, station.directory().join(place::CAMERA_FAULT)));
+    }
+    let mut sanity = Sanity::new(config.frozen_ns);
     // A camera is opened by the first wait for it: only one process may have it.
     if !station.take_over()? {
         return Ok(());
@@ -38,35 +47,44 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             Ok(Some(exposure)) => {
                 let begin = monotonic_ns();
                 let mut loan = frames.loan(shape.bytes())?;
-                match camera.expose(&exposure, loan.pixels_mut()) {
-                    Ok(()) => {
-                        let stamp = Stamp::new(exposure.epoch, exposure.frame, exposure.time_ns, shape)
-                            .extended(Service::Acquisition, Stage::Expose, begin, monotonic_ns());
-                        loan.send(&stamp)?;
-                        station.answered(exposure.frame);
-                        station.health.skipped += exposure.skipped;
-                        recovered(&mut station);
-                    }
-                    Err(error) => failed(&mut station, &error),
+                if let Err(error) = camera.expose(&exposure, loan.pixels_mut()) {
+                    tell(&mut station, Lack::Input, &error.to_string());
+                    continue;
                 }
+                // In lock-step a frame may be asked for again, and each must be answered.
+                let lack = match config.run.clock {
+                    Clock::Wall => sanity.look(loan.pixels_mut(), shape.stride as usize, exposure.time_ns),
+                    Clock::Lockstep => Lack::Nothing,
+                };
+                tell(&mut station, lack, lack.text());
+                if lack == Lack::Frozen {
+                    station.health.refused += 1;
+                    continue;
+                }
+                let stamp = Stamp::new(exposure.epoch, exposure.frame, exposure.time_ns, shape).extended(
+                    Service::Acquisition,
+                    Stage::Expose,
+                    begin,
+                    monotonic_ns(),
+                );
+                loan.send(&stamp)?;
+                station.answered(exposure.frame);
+                station.health.skipped += exposure.skipped;
             }
             Ok(None) => frames.greet_new_readers(),
-            Err(error) => failed(&mut station, &error),
+            Err(error) => tell(&mut station, Lack::Input, &error.to_string()),
         }
     }
     Ok(())
 }
 
-fn failed(station: &mut Station, error: &CameraError) {
-    if station.health.degraded == 0 {
-        tracing::warn!(%error, "no frames: trying again, the arm holds meanwhile");
+/// Says once what the camera lacks, and when it is well again.
+fn tell(station: &mut Station, lack: Lack, why: &str) {
+    let before = std::mem::replace(&mut station.health.degraded, lack as u32);
+    match lack {
+        _ if before == lack as u32 => {}
+        Lack::Nothing => tracing::info!("the camera is well again"),
+        Lack::Input => tracing::warn!("no frames: {why}; trying again, the arm holds meanwhile"),
+        _ => tracing::warn!("{why}"),
     }
-    station.health.degraded = 1;
-}
-
-fn recovered(station: &mut Station) {
-    if station.health.degraded == 1 {
-        tracing::info!("frames again");
-    }
-    station.health.degraded = 0;
 }

@@ -56,7 +56,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let mut guard = Guard::new(driver, Chain::new(config.rules, config.coupling.arm()));
     arm.enable().map_err(lost)?;
     let mut newest: Option<Message<SetPoints>> = None;
-    let mut read_ns = monotonic_ns();
+    let (mut read_ns, mut not_taken) = (monotonic_ns(), 0);
     let (mut at_rest, mut leaving_ns) = (true, None);
     loop {
         if !station.turn() {
@@ -114,10 +114,11 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
                 Ok(()) => station.answered(stamp.frame),
                 Err(error) => {
                     tracing::error!(%error, "the command was not taken: the drives stop by themselves");
-                    station.health.refused += 1;
+                    not_taken += 1;
                 }
             }
         }
+        station.health.refused = not_taken + set_points.refused();
         remember(&latches, &verdict);
     }
     guard.end();

@@ -67,6 +67,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let set_points = station.bus.publisher(SetPoints)?;
     let targets = station.bus.subscriber(Targets)?;
     let joints = station.bus.subscriber(JointStates)?;
+    let mut without_joints = 0;
     let mut history = JointHistory::default();
     let mut pending: Option<(Message<Targets>, u64)> = None;
     if !station.take_over()? {
@@ -116,7 +117,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
                 continue;
             }
             None => {
-                station.health.refused += 1;
+                without_joints += 1;
                 learner.refuse(Refused::NoJoints);
                 Output { set_point: SetPoint::default(), state: learner.report() }
             }
@@ -125,6 +126,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         let stamp = stamp.extended(Service::Learner, Stage::Learn, begin, monotonic_ns());
         set_points.publish(&stamp, &output.set_point)?;
         station.answered(stamp.frame);
+        station.health.refused = without_joints + targets.refused() + joints.refused();
     }
     Ok(())
 }

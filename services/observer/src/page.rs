@@ -158,6 +158,6 @@ fn service(health: &Health, now_ns: u64) -> Option<Value> {
     let silent_ms = now_ns.saturating_sub(health.time_ns) as f64 / 1e6;
     Some(json!({
         "name": service.name(), "pid": health.pid, "answered": health.answered, "skipped": health.skipped,
-        "refused": health.refused, "degraded": health.degraded == 1, "silent_ms": silent_ms.round(),
+        "refused": health.refused, "degraded": health.degraded != 0, "silent_ms": silent_ms.round(),
     }))
 }

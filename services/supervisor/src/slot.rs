@@ -6,7 +6,7 @@ use crate::policy::{DO_NOT_RESTART, Decision, History};
 use crate::process::{End, Process, Program, last_line};
 use crate::pulse::{Pulse, Verdict};
 use crate::status::{ServiceStatus, State};
-use pursuit_messages::{Health, Service};
+use pursuit_messages::{Health, Lack, Service};
 use pursuit_runtime::place;
 use pursuit_runtime::process::Identity;
 use rustix::process::Signal;
@@ -104,7 +104,8 @@ impl Slot {
                 return;
             }
             if matches!(self.state, State::Starting | State::Running | State::NoInput | State::Late) {
-                self.state = if health.degraded == 0 { State::Running } else { State::NoInput };
+                let has_input = !matches!(Lack::from_number(health.degraded), Lack::Input | Lack::Frozen);
+                self.state = if has_input { State::Running } else { State::NoInput };
             }
             if self.kill_at_ns.is_none() {
                 self.answer(Answer::Done);
@@ -385,6 +386,8 @@ impl Slot {
             skipped: self.health.map_or(0, |health| health.skipped),
             adopted: self.adopted,
             last_end: self.last_end.clone(),
+            refused: self.health.map_or(0, |health| health.refused),
+            lack: self.health.map(|health| Lack::from_number(health.degraded).text().to_owned()),
         }
     }
 }

@@ -25,6 +25,12 @@ pub struct ServiceStatus {
     /// How its process before this one ended, where nobody had asked it to.
     #[serde(default)]
     pub last_end: Option<String>,
+    /// Messages that the present process has refused.
+    #[serde(default)]
+    pub refused: u64,
+    /// What it lacks, in words; empty where nothing.
+    #[serde(default)]
+    pub lack: Option<String>,
 }
 
 /// What a service is doing.
@@ -67,22 +73,18 @@ impl State {
 
 /// The table that `pursuit status` prints.
 pub fn table(services: &[ServiceStatus]) -> String {
-    let line = |words: [&str; 8]| {
-        let [service, pid, state, restarts, beat, answered, skipped, note] = words;
+    let line = |words: [&str; 9]| {
+        let [service, pid, state, restarts, beat, answered, skipped, refused, note] = words;
         let line = format!(
-            "{service:<13} {pid:>8} {state:<11} {restarts:>8} {beat:>10} {answered:>10} {skipped:>8}  {note}"
+            "{service:<13} {pid:>8} {state:<11} {restarts:>8} {beat:>10} {answered:>10} {skipped:>8} {refused:>8}  {note}"
         );
         line.trim_end().to_owned() + "\n"
     };
-    let mut text = line(["service", "pid", "state", "restarts", "last beat", "answered", "skipped", ""]);
+    let head = ["service", "pid", "state", "restarts", "last beat", "answered", "skipped", "refused", ""];
+    let mut text = line(head);
     for s in services {
         let pid = s.pid.map_or_else(|| "-".to_owned(), |pid| pid.to_string());
         let beat = s.last_beat_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms} ms"));
-        let note = match (&s.last_end, s.adopted) {
-            (Some(end), _) => format!("before: {end}"),
-            (None, true) => "adopted".to_owned(),
-            (None, false) => String::new(),
-        };
         text += &line([
             &s.service,
             &pid,
@@ -91,8 +93,17 @@ pub fn table(services: &[ServiceStatus]) -> String {
             &beat,
             &s.answered.to_string(),
             &s.skipped.to_string(),
-            &note,
+            &s.refused.to_string(),
+            &note(s),
         ]);
     }
     text
+}
+
+/// What else there is to say.
+fn note(status: &ServiceStatus) -> String {
+    let lack = status.lack.clone().filter(|lack| !lack.is_empty());
+    let before = status.last_end.as_ref().map(|end| format!("before: {end}"));
+    let adopted = status.adopted.then(|| "adopted".to_owned());
+    [lack, before, adopted].into_iter().flatten().collect::<Vec<_>>().join("; ")
 }

@@ -31,6 +31,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         .map_err(|e| ServiceError::Other(e.to_string()))?;
     let votes = station.bus.publisher(VoteFields)?;
     let frames = station.bus.frame_subscriber()?;
+    let mut misfits = 0;
     let mut pairs = Pairs::new(config.baseline());
     if !station.take_over()? {
         return Ok(());
@@ -42,7 +43,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         while let Some(frame) = waiting {
             waiting = frames.receive()?;
             if frame.stamp().image != shape {
-                station.health.refused += 1;
+                misfits += 1;
                 continue;
             }
             if waiting.is_some() && config.run.clock == Clock::Wall {
@@ -64,7 +65,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
             loan.send(&stamp)?;
             station.answered(stamp.frame);
         }
-        station.health.refused = station.health.refused.max(frames.refused());
+        station.health.refused = misfits + frames.refused();
     }
     Ok(())
 }

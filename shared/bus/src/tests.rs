@@ -122,6 +122,7 @@ fn another_payload_under_the_same_name_is_refused_by_name() {
         type Payload = Health;
         const NAME: &'static str = VoteFields::NAME;
         const QUALITY: Quality = VoteFields::QUALITY;
+        const OF_ONE_CAMERA: bool = true;
     }
     let cell = Cell::new();
     let bus = Bus::join(&cell.instance, "test").unwrap();
@@ -168,4 +169,22 @@ fn a_directory_that_is_not_ours_alone_is_refused_with_the_way_out() {
     std::os::unix::fs::symlink(&open, base.join("link")).unwrap();
     assert!(Instance::at(&base.join("link")).err().unwrap().to_string().contains("is a link"));
     std::fs::remove_dir_all(&base).unwrap();
+}
+
+#[test]
+fn what_is_of_an_old_epoch_is_refused_and_counted() {
+    let cell = Cell::new();
+    let bus = Bus::join(&cell.instance, "test").unwrap();
+    let writer = bus.publisher(SetPoints).unwrap();
+    let reader = bus.reader(SetPoints).unwrap();
+    for (epoch, frame) in [(7, 0), (5, 2), (7, 1), (8, 0)] {
+        let stamp = Stamp::new(epoch, frame, 0, ImageShape::grey(4, 4));
+        writer.publish(&stamp, &SetPoint::default()).unwrap();
+    }
+    let mut seen = Vec::new();
+    while let Some(message) = reader.receive().unwrap() {
+        seen.push((message.stamp().epoch, message.stamp().frame));
+    }
+    assert_eq!(seen, [(7, 0), (7, 1), (8, 0)]);
+    assert_eq!(reader.refused(), 1);
 }

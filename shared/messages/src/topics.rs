@@ -49,10 +49,16 @@ pub trait Topic {
     const NAME: &'static str;
     /// Depths and numbers of peers.
     const QUALITY: Quality;
+    /// Whether all its messages are of one camera, so that an older epoch than one seen is of a camera that is
+    /// gone. Where world and camera both cause messages their epochs mix.
+    const OF_ONE_CAMERA: bool;
 }
 
 macro_rules! topic {
     ($(#[$doc:meta])* $topic:ident, $payload:ty, $name:literal, $quality:expr) => {
+        topic!($(#[$doc])* $topic, $payload, $name, $quality, of_one_camera = false);
+    };
+    ($(#[$doc:meta])* $topic:ident, $payload:ty, $name:literal, $quality:expr, of_one_camera = $one:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
         pub struct $topic;
@@ -60,6 +66,7 @@ macro_rules! topic {
             type Payload = $payload;
             const NAME: &'static str = $name;
             const QUALITY: Quality = $quality;
+            const OF_ONE_CAMERA: bool = $one;
         }
     };
 }
@@ -76,15 +83,15 @@ const fn kept(
 
 topic!(
     /// Camera frames, written once into the loaned sample. Vision holds those that its pair spans.
-    Frames, [u8], "frames/v1", kept(2, 8, SPANNED + 1, SPANNED + 3, SPANNED)
+    Frames, [u8], "frames/v1", kept(2, 8, SPANNED + 1, SPANNED + 3, SPANNED), of_one_camera = true
 );
 topic!(
     /// Vote fields of a frame pair.
-    VoteFields, Votes, "votes/v2", kept(2, 8, 4, 4, 1)
+    VoteFields, Votes, "votes/v2", kept(2, 8, 4, 4, 1), of_one_camera = true
 );
 topic!(
     /// Detections of a frame.
-    Targets, Target, "target/v2", kept(2, 10, 16, 4, 1)
+    Targets, Target, "target/v2", kept(2, 10, 16, 4, 1), of_one_camera = true
 );
 topic!(
     /// Joint readings.
@@ -96,11 +103,11 @@ topic!(
 );
 topic!(
     /// Set-points: the newest wins.
-    SetPoints, SetPoint, "setpoint/v1", kept(2, 10, 4, 4, 1)
+    SetPoints, SetPoint, "setpoint/v1", kept(2, 10, 4, 4, 1), of_one_camera = true
 );
 topic!(
     /// The learner's inside.
-    LearnerStates, LearnerState, "learner-state/v1", kept(2, 10, 16, 2, 1)
+    LearnerStates, LearnerState, "learner-state/v1", kept(2, 10, 16, 2, 1), of_one_camera = true
 );
 topic!(
     /// The simulated world.

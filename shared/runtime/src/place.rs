@@ -26,6 +26,8 @@ pub const LOCK: &str = "lock";
 pub const CONTROL: &str = "control";
 /// The address at which the observer answers over HTTP.
 pub const OBSERVER: &str = "observer.address";
+/// What the camera shall have, for tests (`acquisition.faults`).
+pub const CAMERA_FAULT: &str = "camera.fault";
 /// One line per frame of the simulated run.
 pub const JOURNAL: &str = "journal.csv";
 /// One line per training move: what the network was after it.

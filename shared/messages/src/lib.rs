@@ -6,12 +6,14 @@
 //! Angles are radians, lengths metres, times nanoseconds, image coordinates pixels with the origin at
 //! the centre of the top-left pixel (u to the right, v down).
 
+pub mod health;
 pub mod payload;
 pub mod safety;
 pub mod stamp;
 pub mod topics;
 pub mod world;
 
+pub use health::{Health, Lack};
 pub use payload::*;
 pub use safety::{ArmEvent, ArmState, DriverState};
 pub use stamp::{HOPS, ImageShape, Service, Stage, StageStamp, Stamp};

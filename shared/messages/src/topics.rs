@@ -16,6 +16,7 @@
 //! The observer reads all of them, and so does, for a while, who asks for a trace or a recording: hence the
 //! numbers of readers.
 
+use crate::health::Health;
 use crate::payload::*;
 use crate::safety::DriverState;
 use crate::world::*;

@@ -277,7 +277,7 @@ pub struct Detect {
 pub struct Experiment {
     /// Which one.
     pub name: ExperimentName,
-    /// Number of seeds [default: 30; of robustness and ablation 5].
+    /// Number of seeds [default: 30; of stopping 50, of robustness and ablation 5].
     #[arg(long)]
     pub seeds: Option<u64>,
     /// The first seed.
@@ -332,7 +332,11 @@ impl Experiment {
 
     /// Number of seeds, at least one.
     pub fn seeds(&self) -> u64 {
-        let usual = if self.name.runs_the_arm() { 30 } else { 5 };
+        let usual = match self.name {
+            ExperimentName::Stopping => 50,
+            name if name.runs_the_arm() => 30,
+            _ => 5,
+        };
         self.seeds.unwrap_or(usual).max(1)
     }
 }
@@ -351,6 +355,8 @@ pub enum ExperimentName {
     Outliers,
     /// The same with a perfectly calibrated robot beside it: the ceiling.
     Calibrated,
+    /// How long and how far the hand goes on after a kill, a hang, frozen frames, an emergency stop, a lost bus.
+    Stopping,
     /// What the detectors find, and where, in sequences with exact truth. The times are of one thread among
     /// others: a loaded machine distorts them.
     Robustness,

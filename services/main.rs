@@ -118,9 +118,9 @@ fn show_status(directory: &Path, json: bool) -> u8 {
     match control_of(directory, &Request::Status) {
         Ok(Answer::Status { services }) => {
             let text = if json {
-                serde_json::to_string(&services).unwrap_or_default() + "\n"
+                status_json(&services, directory)
             } else {
-                status::table(&services) + operate::stops(directory)
+                status::table(&services) + &operate::arm(directory)
             };
             // Whoever reads may have gone (`| head`): nothing to do about it.
             let _ = std::io::stdout().write_all(text.as_bytes());
@@ -128,6 +128,19 @@ fn show_status(directory: &Path, json: bool) -> u8 {
         }
         other => settle(other),
     }
+}
+
+/// The services, and with the arm driver what it says of the arm.
+fn status_json(services: &[status::ServiceStatus], directory: &Path) -> String {
+    let with_arm = |service: &status::ServiceStatus| {
+        let mut value = serde_json::to_value(service).unwrap_or_default();
+        if service.service == Service::ArmDriver.name() {
+            value["arm"] = operate::arm_json(directory);
+        }
+        value
+    };
+    let all: Vec<serde_json::Value> = services.iter().map(with_arm).collect();
+    serde_json::to_string(&all).unwrap_or_default() + "\n"
 }
 
 fn down(directory: &Path) -> u8 {

@@ -3,8 +3,8 @@
 use pursuit_arm_driver::latch::Latches;
 use pursuit_arm_driver::safety::{Latch, Refused, Wish};
 use pursuit_bus::{Bus, Instance};
-use pursuit_messages::ArmEvent;
 use pursuit_messages::topics::DriverStates;
+use pursuit_messages::{ArmEvent, ArmState, DriverState, Refusal};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::exit;
 use std::path::Path;
@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 
 /// A driver looks for stops and wishes each turn of its loop; this is patience with a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// Who says nothing for so long is not there: a driver tells its state ten times a second.
+const STATE_PATIENCE: Duration = Duration::from_millis(500);
 /// Between two looks at what the driver does.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -29,13 +31,56 @@ pub fn stop(directory: &Path, protective: bool) -> u8 {
     }
 }
 
-/// What `pursuit status` says of stops.
-pub fn stops(directory: &Path) -> &'static str {
-    match Latches::open(directory).ok().and_then(|latches| latches.set()) {
+/// What `pursuit status` says of the arm: the driver's word, and stops that are set.
+pub fn arm(directory: &Path) -> String {
+    let stop = match Latches::open(directory).ok().and_then(|latches| latches.set()) {
         Some(Latch::Emergency) => "the arm has an emergency stop, until `pursuit reset`\n",
         Some(Latch::Protective) => "the arm has a protective stop, until `pursuit reset`\n",
         None => "",
+    };
+    let Some(state) = driver_state(directory) else {
+        return format!(
+            "the arm driver says nothing: the drives are at rest or come to rest by themselves\n{stop}"
+        );
+    };
+    let word = state.state().map_or("unknown", ArmState::word);
+    let cause = state.cause().map_or("", ArmEvent::text);
+    let motion = if state.at_rest == 1 { "at rest" } else { "moving" };
+    let since_s = monotonic_ns().saturating_sub(state.since_ns) as f64 * 1e-9;
+    let refusal =
+        refusal(&state).map_or(String::new(), |why| format!("; the last set-point was refused: {why}"));
+    format!("arm: {word}, {motion}, since {since_s:.1} s ({cause}){refusal}\n{stop}")
+}
+
+/// The same for programs.
+pub fn arm_json(directory: &Path) -> serde_json::Value {
+    driver_state(directory).map_or(serde_json::Value::Null, |state| {
+        serde_json::json!({
+            "state": state.state().map(ArmState::word),
+            "cause": state.cause().map(ArmEvent::word),
+            "since_ms": monotonic_ns().saturating_sub(state.since_ns) / 1_000_000,
+            "at_rest": state.at_rest == 1,
+            "refusal": refusal(&state),
+        })
+    })
+}
+
+fn refusal(state: &DriverState) -> Option<&'static str> {
+    Refusal::from_number(state.refusal).map(Refusal::text)
+}
+
+/// What the driver says now, if there is one.
+fn driver_state(directory: &Path) -> Option<DriverState> {
+    let bus = Bus::join(&Instance::at(directory).ok()?, "operator").ok()?;
+    let states = bus.reader(DriverStates).ok()?;
+    let limit = Instant::now() + STATE_PATIENCE;
+    while Instant::now() < limit {
+        if let Some((state, _)) = states.newest().ok()? {
+            return Some(*state.payload());
+        }
+        std::thread::sleep(LOOK);
     }
+    None
 }
 
 /// Ends all stops, if the driver agrees: the arm is at rest, no button is pressed.

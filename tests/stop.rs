@@ -40,7 +40,11 @@ fn a_stop_holds_through_a_new_driver_until_a_reset() {
     };
     let stands = rests().unwrap_or_else(|| panic!("the arm does not come to rest\n{}", place.log()));
     let status = place.command(&["status"]).output().expect("pursuit status runs");
-    assert!(String::from_utf8_lossy(&status.stdout).contains("emergency stop"), "{status:?}");
+    let words = String::from_utf8_lossy(&status.stdout);
+    assert!(words.contains("emergency stop") && words.contains("arm: emergency_stop, at rest"), "{words}");
+    let services = place.status().expect("it runs");
+    let driver = services.iter().find(|s| s["service"] == "arm-driver").expect("a driver");
+    assert_eq!(driver["arm"]["cause"], "emergency_asked", "{driver}");
     kill(pid_of(&services, "arm-driver"), Signal::KILL);
     system.wait_until_running();
     let later = rests().unwrap_or_else(|| panic!("a new driver forgets the stop\n{}", place.log()));

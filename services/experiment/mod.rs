@@ -6,6 +6,7 @@ mod change;
 pub mod figures;
 mod learning;
 mod outliers;
+mod stopping;
 mod tracking;
 
 use crate::check;
@@ -29,6 +30,7 @@ pub fn run(options: &Experiment) -> u8 {
         ExperimentName::Tracking => tracking::run(options),
         ExperimentName::Change => change::run(options),
         ExperimentName::Outliers => outliers::run(options),
+        ExperimentName::Stopping => stopping::run(options),
         ExperimentName::Calibrated => calibrated::run(options),
         ExperimentName::Robustness => robustness::run(options),
         ExperimentName::Ablation => robustness::ablation::run(options),

@@ -1,7 +1,7 @@
 //! What is remembered of the last frames one by one, and the page on one of them. Pure.
 
 use crate::ears::Heard;
-use pursuit_messages::{Detection, HOPS, PairOutcome, Service, SetPoint, Stamp, Target, Votes};
+use pursuit_messages::{Detection, HOPS, PairOutcome, Refusal, Service, SetPoint, Stamp, Target, Votes};
 use std::collections::VecDeque;
 use std::fmt::Write as _;
 
@@ -125,18 +125,9 @@ impl Dossier {
     }
 }
 
-/// Why the arm driver did not follow, in words; the numbers are those of [`pursuit_messages::Refusal`].
+/// Why the arm driver did not follow, in words.
 fn refusal_words(reason: u32) -> &'static str {
-    match reason {
-        1 => "it says hold",
-        2 => "it is not a finite number",
-        3 => "it is too old",
-        4 => "it is from the future",
-        5 => "it is out of range",
-        6 => "it is of an old epoch",
-        7 => "there is none",
-        _ => "of a reason that this version does not know",
-    }
+    Refusal::from_number(reason).map_or("of a reason that this version does not know", Refusal::text)
 }
 
 fn votes_page(votes: &Votes) -> String {

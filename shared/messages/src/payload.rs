@@ -297,6 +297,26 @@ pub enum Refusal {
 }
 
 impl Refusal {
+    /// All, in the order of their numbers.
+    pub const ALL: [Refusal; 11] = [
+        Refusal::Hold,
+        Refusal::NotFinite,
+        Refusal::Stale,
+        Refusal::FromTheFuture,
+        Refusal::OutOfRange,
+        Refusal::OldEpoch,
+        Refusal::None,
+        Refusal::Backwards,
+        Refusal::Absurd,
+        Refusal::Inactive,
+        Refusal::Stopped,
+    ];
+
+    /// The one with that number, if there is one.
+    pub fn from_number(number: u32) -> Option<Refusal> {
+        Refusal::ALL.into_iter().find(|refusal| *refusal as u32 == number)
+    }
+
     /// Why, for people.
     pub fn text(self) -> &'static str {
         match self {

@@ -97,6 +97,8 @@ pub enum Verb {
     Experiment(Experiment),
     /// Kills, stops and lies to random services of a simulated system, and checks what must hold all the same.
     Chaos(Chaos),
+    /// Is this machine fit to run it, and did anything stay behind?
+    Doctor(Doctor),
     /// Check a config file.
     Check {
         /// The file.
@@ -216,6 +218,20 @@ pub struct Record {
     /// End after so many seconds.
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
+    /// Where the instance lives.
+    #[command(flatten)]
+    pub place: Place,
+}
+
+/// Options of `doctor`.
+#[derive(Args, Clone, Debug)]
+pub struct Doctor {
+    /// Config file [default: the built-in config/sim.toml].
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
     /// Where the instance lives.
     #[command(flatten)]
     pub place: Place,

@@ -7,6 +7,7 @@ mod check;
 mod cli;
 mod demo;
 mod detect;
+mod doctor;
 mod experiment;
 mod inprocess;
 mod operate;
@@ -65,6 +66,7 @@ fn main() -> ExitCode {
         Verb::Detect(options) => detect(&options),
         Verb::Experiment(options) => experiment::run(&options),
         Verb::Chaos(options) => chaos::run(&options),
+        Verb::Doctor(options) => doctor::run(&options),
         Verb::Check { file } => check::run(&file),
     };
     ExitCode::from(code)

@@ -169,6 +169,7 @@ fn every_verb_is_in_the_readme() {
         "detect",
         "experiment",
         "chaos",
+        "doctor",
         "check",
     ] {
         assert!(readme.contains(&format!("pursuit {verb}")), "README.md does not show `pursuit {verb}`");

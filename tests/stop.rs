@@ -42,8 +42,8 @@ fn a_stop_holds_through_a_new_driver_until_a_reset() {
     let status = place.command(&["status"]).output().expect("pursuit status runs");
     let words = String::from_utf8_lossy(&status.stdout);
     assert!(words.contains("emergency stop") && words.contains("arm: emergency_stop, at rest"), "{words}");
-    let services = place.status().expect("it runs");
-    let driver = services.iter().find(|s| s["service"] == "arm-driver").expect("a driver");
+    let told = place.status().expect("it runs");
+    let driver = told.iter().find(|s| s["service"] == "arm-driver").expect("a driver");
     assert_eq!(driver["arm"]["cause"], "emergency_asked", "{driver}");
     kill(pid_of(&services, "arm-driver"), Signal::KILL);
     system.wait_until_running();

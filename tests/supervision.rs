@@ -116,6 +116,29 @@ fn a_service_that_dies_again_and_again_is_given_up_and_the_others_go_on() {
 }
 
 #[test]
+fn doctor_tells_what_a_killed_run_left_and_what_becomes_of_it() {
+    let place = Place::new();
+    let left = |place: &Place| {
+        let output = place.command(&["doctor", "--json"]).output().expect("pursuit doctor runs");
+        let findings: Vec<Value> = serde_json::from_slice(&output.stdout).expect("JSON");
+        let left = findings.iter().find(|finding| finding["what"] == "leftovers").expect("it looks");
+        (
+            left["grade"].as_str().expect("a word").to_owned(),
+            left["found"].as_str().expect("words").to_owned(),
+        )
+    };
+    assert_eq!(left(&place).0, "ok");
+    let mut system = place.up(&["--set", "run.lease_s=1"]);
+    system.wait_until_running();
+    assert_eq!(left(&place), ("ok".to_owned(), "none: it runs".to_owned()));
+    system.signal(Signal::KILL);
+    let _ = system.end();
+    assert!(wait_for(|| place.processes().is_empty().then_some(())).is_some());
+    let (grade, found) = left(&place);
+    assert!(grade == "ok" || found.contains("shared memory"), "{grade}: {found}");
+}
+
+#[test]
 fn status_of_nothing_says_how_to_start() {
     let place = Place::new();
     let output = place.command(&["status"]).output().expect("pursuit status runs");

@@ -189,7 +189,9 @@ fn stop(checked: &Checked, fault: Fault, share_percent: u32, seed: u64) -> Resul
         };
         if now.is_multiple_of(checked.simulator.cell.frame_period_ns) && is_exposed {
             let stamp = Stamp::new(1, frame, now, checked.acquisition.camera.shape());
-            let position = [world.position[0], world.position[1]];
+            // As a learner that knows the delay leads its set-points.
+            let lead_s = checked.simulator.cell.latency_ns as f64 * 1e-9;
+            let position = [0, 1].map(|axis| world.position[axis] + rates[axis] * lead_s);
             let point = SetPoint { follow: 1, position, velocity: rates, ..SetPoint::default() };
             stream.push((now + PIPELINE_NS, stamp, point));
         }

@@ -22,8 +22,9 @@ use pursuit_messages::Service;
 use pursuit_messages::topics::Healths;
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::place;
+use pursuit_runtime::systemd::{self, Systemd};
 use slot::Reply;
-use status::ServiceStatus;
+use status::{ServiceStatus, State};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -231,6 +232,7 @@ async fn supervise(
             Err(error) => break Err(error),
         }
     };
+    systemd::stopping();
     stop_all(children, stops).await;
     watch(&Glance { services: &children.status(monotonic_ns()), directory: &plan.directory });
     ended
@@ -246,6 +248,7 @@ async fn keep_watch(
 ) -> Result<Watch, SupervisorError> {
     let mut deaths = signal(SignalKind::child())
         .map_err(|cause| SupervisorError::System { what: "cannot be told of children that end", cause })?;
+    let mut systemd = Systemd::default();
     let mut watch_timer = tokio::time::interval(WATCH);
     watch_timer.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let (mut next_glance_ns, mut next_clean_ns) = (0, monotonic_ns() + CLEAN_NS);
@@ -283,9 +286,25 @@ async fn keep_watch(
         }
         if now >= next_glance_ns {
             next_glance_ns = now + GLANCE_NS;
-            watch(&Glance { services: &children.status(now), directory: &plan.directory });
+            let services = children.status(now);
+            systemd.tell(&summary(&services));
+            if services.iter().all(|service| service.state == State::Running) {
+                systemd.ready();
+            }
+            watch(&Glance { services: &services, directory: &plan.directory });
         }
+        systemd.lives(now);
     }
+}
+
+/// One line on all services.
+fn summary(services: &[ServiceStatus]) -> String {
+    let others: Vec<String> = services
+        .iter()
+        .filter(|service| service.state != State::Running)
+        .map(|service| format!("{} {}", service.service, service.state.word()))
+        .collect();
+    if others.is_empty() { format!("{} services run", services.len()) } else { others.join(", ") }
 }
 
 /// The signals that end a run.

@@ -3,6 +3,7 @@
 use pursuit_messages::Service;
 use pursuit_runtime::process::Identity;
 use pursuit_runtime::station::SUPERVISOR;
+use pursuit_runtime::systemd::NOTIFY_SOCKET;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 use std::fs::File;
@@ -108,6 +109,7 @@ impl Process {
             .args(["run", service.name(), "--run-dir"])
             .arg(directory)
             .env(SUPERVISOR, Identity::own().to_string())
+            .env_remove(NOTIFY_SOCKET)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log)

@@ -19,5 +19,6 @@ pub mod place;
 pub mod process;
 pub mod settings;
 pub mod station;
+pub mod systemd;
 
 pub use station::{ServiceError, Station, TICK};

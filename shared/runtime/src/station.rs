@@ -3,6 +3,7 @@
 use crate::clock::{monotonic_ns, sleep_until_ns};
 use crate::process::Identity;
 use crate::settings::Run;
+use crate::systemd::Systemd;
 use crate::{logging, place};
 use pursuit_bus::{Bus, BusError, Instance, InstanceError, Publisher};
 use pursuit_config::{Checker, Document, Faults, Scope};
@@ -73,6 +74,8 @@ pub struct Station {
     pulse: Publisher<Healths>,
     stop: Arc<AtomicBool>,
     leash: Option<Leash>,
+    /// Who is on its own tells systemd.
+    systemd: Option<Systemd>,
     next_beat_ns: u64,
     /// Says that this process is the service; the kernel gives it back with the process.
     turf: Option<File>,
@@ -125,6 +128,7 @@ impl Station {
             service,
             pulse,
             stop,
+            systemd: parent.is_none().then(Systemd::default),
             leash: parent.map(|_| Leash { lease_ns, seen_ns: monotonic_ns() }),
             next_beat_ns: 0,
             turf: None,
@@ -162,6 +166,9 @@ impl Station {
         self.health.standing_by = 0;
         self.next_beat_ns = 0;
         self.turf = Some(file);
+        if let Some(systemd) = &mut self.systemd {
+            systemd.ready();
+        }
         Ok(true)
     }
 
@@ -197,6 +204,9 @@ impl Station {
         if now >= self.next_beat_ns {
             self.next_beat_ns = now + BEAT_NS;
             self.beat(now);
+            if let Some(systemd) = &mut self.systemd {
+                systemd.lives(now);
+            }
             if !self.is_wanted(now) {
                 tracing::warn!(service = self.service.name(), "no supervisor any more: ending");
                 return false;

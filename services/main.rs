@@ -20,6 +20,7 @@ mod robustness;
 mod svg;
 mod top;
 mod trace;
+mod uncertainty;
 mod up;
 
 use clap::Parser;

@@ -1,7 +1,8 @@
 //! The report of a run: pure, from the journal's records to figures, JSON and text.
 
+use pursuit_learner::refusals::Refused;
 use pursuit_messages::HOPS;
-use pursuit_messages::Phase;
+use pursuit_messages::{LearnerState, Phase};
 use pursuit_simulator::journal::{MoveRecord, Record};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -34,8 +35,45 @@ pub struct Report {
     pub latency_us: BTreeMap<String, Latency>,
     /// Restarts of services.
     pub restarts: u32,
+    /// What the learner came to; `None` where its state was not kept.
+    pub learner: Option<Learnt>,
     /// The whole trajectory as one number; lock-step only.
     pub trajectory_sha256: Option<String>,
+}
+
+/// The learner at the end of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Learnt {
+    /// Samples learnt from.
+    pub samples: u64,
+    /// Samples kept.
+    pub ring: u32,
+    /// Refits taken over, and dropped because they were not better.
+    pub refits: [u32; 2],
+    /// Changes of the cell that were noticed.
+    pub changes: u32,
+    /// How far the joints' clock was found to be ahead of the camera's, ms.
+    pub clock_offset_ms: f64,
+    /// Delay that is predicted over, ms.
+    pub lead_ms: f64,
+    /// What was not used, by reason; only what there was.
+    pub refused: BTreeMap<&'static str, u64>,
+}
+
+impl Learnt {
+    /// Of what the learner says of itself.
+    pub fn of(state: &LearnerState) -> Learnt {
+        let refused = Refused::ALL.map(|(reason, words)| (words, state.refused[reason as usize]));
+        Learnt {
+            samples: state.samples,
+            ring: state.ring,
+            refits: [state.refits_merged, state.refits_rejected],
+            changes: state.changes,
+            clock_offset_ms: state.clock_offset_ns as f64 * 1e-6,
+            lead_ms: state.lead_ns as f64 * 1e-6,
+            refused: refused.into_iter().filter(|(_, count)| *count > 0).collect(),
+        }
+    }
 }
 
 /// How the network learnt.
@@ -110,6 +148,7 @@ impl Report {
             times_real_time: None,
             latency_us: latencies(records),
             restarts: 0,
+            learner: None,
             trajectory_sha256: None,
         }
     }
@@ -140,6 +179,21 @@ impl Report {
             row("following, RMS", format!("{:.2} cm", tracking.rms_cm), "in the order of 2 cm");
             row("following, worst frame", format!("{:.2} cm", tracking.max_cm), "-");
             row("vehicle detected in", format!("{:.1} % of frames", 100.0 * tracking.detected_share), "-");
+        }
+        if let Some(learner) = &self.learner {
+            let Learnt { samples, ring, refits: [taken, dropped], .. } = learner;
+            row("samples learnt from, and kept", format!("{samples}, {ring}"), "all, 100");
+            row("refits taken, and dropped as no better", format!("{taken}, {dropped}"), "-");
+            row(
+                "clock offset found, delay predicted over",
+                format!("{:.1}, {:.0} ms", learner.clock_offset_ms, learner.lead_ms),
+                "-",
+            );
+            row("changes of the cell noticed", learner.changes.to_string(), "-");
+            row("not learnt from", learner.refused.values().sum::<u64>().to_string(), "-");
+            for (words, count) in &learner.refused {
+                row(&format!("  {words}"), count.to_string(), "");
+            }
         }
         if let Some(rate) = self.rate_hz {
             row("frames per second", format!("{rate:.0}"), "12.5");

@@ -4,11 +4,13 @@ use crate::check::{self, Checked};
 use crate::cli::Up;
 use crate::plots;
 use crate::progress::Progress;
-use crate::report::Report;
+use crate::report::{Learnt, Report};
+use crate::uncertainty;
 use pursuit_acquisition::config::Source;
 use pursuit_arm_driver::safety::Travel;
 use pursuit_arm_driver::step::Driver;
 use pursuit_config::{Document, Faults};
+use pursuit_learner::step::Learner;
 use pursuit_messages::Service;
 use pursuit_runtime::{exit, logging, place};
 use pursuit_simulator::journal::{MoveRecord, Record};
@@ -64,6 +66,8 @@ pub struct Run {
     pub report: Report,
     records: Vec<Record>,
     moves: Vec<MoveRecord>,
+    learner: Option<Learner>,
+    half_width_px: f64,
 }
 
 /// Runs the system; a report where it came to its end by itself.
@@ -148,8 +152,12 @@ fn read_run(directory: &Path, checked: &Checked, wall_s: f64, restarts: u32) -> 
     let simulated_s = records.last().map_or(0.0, |last| last.time_s - records[0].time_s);
     report.took(wall_s, simulated_s);
     report.restarts = restarts;
+    let checkpoint = directory.join(place::checkpoint(Service::Learner.name()));
+    let learner = pursuit_learner::saved(&checkpoint, &checked.learner.parameters);
+    report.learner = learner.as_ref().map(|learner| Learnt::of(&learner.report()));
+    let half_width_px = f64::from(checked.acquisition.camera.width) / 2.0;
     report.trajectory_sha256 = std::fs::read_to_string(directory.join(place::TRAJECTORY)).ok();
-    Run { report, records, moves }
+    Run { report, records, moves, learner, half_width_px }
 }
 
 impl Run {
@@ -171,14 +179,19 @@ impl Run {
         code
     }
 
-    /// Draws the paper's figures 6 and 7 and the learning curve; the files.
+    /// Draws the paper's figures 6 and 7, the learning curve and where the map is sure of itself; the files.
     ///
     /// # Errors
     /// The file system's reason.
     pub fn plot(&self, folder: &Path) -> std::io::Result<Vec<PathBuf>> {
         std::fs::create_dir_all(folder)?;
+        let uncertainty = self
+            .learner
+            .as_ref()
+            .map(|learner| ("uncertainty.svg", uncertainty::picture(learner, self.half_width_px)));
         plots::of_run(&self.records, &self.moves)
             .into_iter()
+            .chain(uncertainty)
             .map(|(name, svg)| {
                 let file = folder.join(name);
                 std::fs::write(&file, svg).map(|()| file)

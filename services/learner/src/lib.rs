@@ -29,7 +29,7 @@ use history::JointHistory;
 use pursuit_bus::{Message, wait};
 use pursuit_messages::topics::{JointStates, LearnerStates, SetPoints, Targets};
 use pursuit_messages::{Service, SetPoint, Stage};
-use pursuit_runtime::checkpoint::{Checkpoint, refused_name};
+use pursuit_runtime::checkpoint::{self, Checkpoint, refused_name};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
@@ -151,6 +151,12 @@ fn restore(saved: Option<Vec<u8>>, config: &Config, file: &Path) -> (u64, Learne
             untrained()
         }
     }
+}
+
+/// The learner whose state was saved last in `file`, if there is one that can be used; nothing is changed.
+pub fn saved(file: &Path, parameters: &Parameters) -> Option<Learner> {
+    let restored = checkpoint::read(file, SCHEMA, CHECKPOINT_BYTES).ok()?;
+    usable(&restored.state?, parameters).ok().map(|saved| saved.learner)
 }
 
 /// The learner in a saved state, or why it is none.

@@ -26,6 +26,20 @@ pub enum Refused {
     Unexplained = 7,
 }
 
+impl Refused {
+    /// All, in the order of their numbers, each with a few words.
+    pub const ALL: [(Refused, &'static str); REFUSED] = [
+        (Refused::NotFinite, "not finite"),
+        (Refused::Absurd, "absurd joints"),
+        (Refused::NoJoints, "no joints at the exposure"),
+        (Refused::OutsideImage, "outside the image"),
+        (Refused::Wild, "somewhere else in the frames around"),
+        (Refused::Restless, "did not stand still"),
+        (Refused::Ignorant, "where the map knows nothing"),
+        (Refused::Unexplained, "motion that the arm did not cause"),
+    ];
+}
+
 /// No joint turns further, rad.
 pub const MAX_JOINT_RAD: f64 = 4.0 * std::f64::consts::PI;
 /// No joint is faster, rad/s.

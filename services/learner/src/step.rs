@@ -12,7 +12,7 @@
 //!
 //! The next move waits for the result, or for [`Parameters::refit_deadline`].
 
-use pursuit_learning::{ClockOffset, Merge, Network, RefitJob, RefitResult, Trainer};
+use pursuit_learning::{ClockOffset, Merge, Network, Normalisation, RefitJob, RefitResult, Trainer};
 use pursuit_messages::{LearnerState, MAX_WEIGHTS, Phase, SetPoint};
 use serde::{Deserialize, Serialize};
 
@@ -258,6 +258,15 @@ impl Learner {
     /// The live network.
     pub fn network(&self) -> &Network {
         self.trainer.network()
+    }
+
+    /// Standard deviation of what the map says, rad of the joint that it is larger for, of a target at `point_px`
+    /// from the centre of an image of that half width, seen at the angle `theta2` (rad).
+    pub fn uncertainty_rad(&self, point_px: [f64; 2], half_width_px: f64, theta2: f64) -> f64 {
+        let normalisation = Normalisation { half_width_px };
+        let doubt = self.trainer.doubt(normalisation.input(point_px, theta2));
+        let [unit1, unit2] = normalisation.displacement([doubt; 2]);
+        unit1.max(unit2)
     }
 
     /// What the learner is doing, as others see it.

@@ -1,12 +1,12 @@
 //! `pursuit stop`, `reset` and `activate`: what an operator says to the arm driver, whoever else is alive.
 
-use pursuit_arm_driver::latch::Latches;
-use pursuit_arm_driver::safety::{Latch, Refused, Wish};
+use pursuit_arm_driver::safety::Refused;
 use pursuit_bus::{Bus, Instance};
 use pursuit_messages::topics::DriverStates;
 use pursuit_messages::{ArmEvent, ArmState, DriverState, Refusal};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::exit;
+use pursuit_runtime::latch::{Latch, Latches, Wish};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

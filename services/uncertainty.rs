@@ -16,7 +16,7 @@ const GAP: f64 = 34.0;
 const ORIGIN: [f64; 2] = [40.0, 76.0];
 /// Pictures: angles of joint 2 over its range.
 const ANGLES: usize = 4;
-/// An uncertainty from here on is drawn in full colour, degrees: there the arm is not moved by the map any more.
+/// An uncertainty from here on is drawn in full colour, degrees.
 const FULL_DEG: f64 = 4.0;
 /// Steps of the scale.
 const STEPS: usize = 8;

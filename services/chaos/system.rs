@@ -2,12 +2,11 @@
 
 use super::plan::{Fault, Lie};
 use pursuit_acquisition::fault::Fault as CameraFault;
-use pursuit_arm_driver::latch::Latches;
-use pursuit_arm_driver::safety::{Latch, Wish};
 use pursuit_bus::{Bus, Instance, Publisher};
 use pursuit_messages::topics::SetPoints;
 use pursuit_messages::{Service, SetPoint, Stage, Stamp};
 use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::latch::{Latch, Latches, Wish};
 use pursuit_runtime::place;
 use pursuit_runtime::process::Identity;
 use pursuit_supervisor::control::{Answer, Request, ask};

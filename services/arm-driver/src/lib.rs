@@ -3,14 +3,13 @@
 //! A frame's way: SETPOINT → gates (epoch, rising, finite, age, range) → safety chain ([`safety`]: may the arm
 //! move at all?) → limits of joints 1 and 2 → coupling of the others → drive cycles to the arm. JOINTS and
 //! DRIVER_STATE go out with every reading. No motion is remembered: it goes on from what the drives report as
-//! issued, so a restarted driver makes no jump. A stop outlives the driver as a file ([`latch`]).
+//! issued, so a restarted driver makes no jump. A stop outlives the driver as a file ([`pursuit_runtime::latch`]).
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod arm;
 pub mod config;
 pub mod guard;
-pub mod latch;
 mod reporter;
 pub mod safety;
 mod simulated;
@@ -19,11 +18,11 @@ pub mod step;
 use arm::{Arm, ArmError};
 use config::Config;
 use guard::{Guard, Turn};
-use latch::Latches;
 use pursuit_bus::{Message, wait};
 use pursuit_messages::topics::{DriverStates, JointStates, SetPoints};
 use pursuit_messages::{Service, Stage};
 use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::latch::Latches;
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, TICK};
 use reporter::Reporter;

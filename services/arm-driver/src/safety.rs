@@ -9,8 +9,9 @@ mod machine;
 pub mod table;
 mod travel;
 
-pub use chain::{Activation, Chain, Latch, Look, Refused, Rules, Verdict, Wish};
+pub use chain::{Activation, Chain, Look, Refused, Rules, Verdict};
 pub use machine::Machine;
+pub use pursuit_runtime::latch::{Latch, Wish};
 pub use travel::Travel;
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! One refit of a full ring by every method, and by argmin's conjugate gradients, on one core in one run: ms,
-//! the share of our conjugate gradients' time, evaluations, the error that is left.
+//! the share of our conjugate gradients' time, evaluations, the error that is left. Then, in alternation, the turns
+//! of a loop beside a thread that refits and beside one that does not.
 
 #![allow(clippy::unwrap_used)]
 
@@ -138,6 +139,62 @@ fn print_table() {
     }
 }
 
+/// Turns of a loop at 1 kHz in each block, and blocks of each kind.
+const TURNS: u32 = 250;
+const BLOCKS: u32 = 8;
+
+/// How long a turn of a loop takes, from when it is due to when its network has been asked and has learnt, while a
+/// thread of its own refits without a pause, and while it does not: block by block in one run, µs.
+fn print_side_by_side() {
+    let job = job_after(MOVES, 1, &Settings::recommended());
+    let (starts, blocks) = std::sync::mpsc::sync_channel::<bool>(0);
+    let (ends, done) = std::sync::mpsc::sync_channel::<()>(0);
+    let busy = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let (told, thread_job) = (std::sync::Arc::clone(&busy), job.clone());
+    let thread = std::thread::spawn(move || {
+        while let Ok(true) = blocks.recv() {
+            while told.load(std::sync::atomic::Ordering::Relaxed) {
+                black_box(refit(&thread_job, || told.load(std::sync::atomic::Ordering::Relaxed)));
+            }
+            ends.send(()).unwrap();
+        }
+    });
+    let sample = &job.samples[..1];
+    let mut gradient = [0.0; WEIGHTS];
+    let mut times = [Vec::new(), Vec::new()];
+    for block in 0..2 * BLOCKS {
+        let refits = block % 2 == 1;
+        if refits {
+            busy.store(true, std::sync::atomic::Ordering::Relaxed);
+            starts.send(true).unwrap();
+        }
+        let begin = Instant::now();
+        for turn in 1..=TURNS {
+            let due = begin + std::time::Duration::from_millis(u64::from(turn));
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            black_box(job.network.predict(black_box(sample[0].input)));
+            black_box(mean_error_and_gradient(&job.network, sample, job.huber, &mut gradient));
+            times[usize::from(refits)].push(due.elapsed().as_secs_f64() * 1e6);
+        }
+        if refits {
+            busy.store(false, std::sync::atomic::Ordering::Relaxed);
+            done.recv().unwrap();
+        }
+    }
+    drop(starts);
+    thread.join().unwrap();
+    println!(
+        "\nA turn of a loop at 1 kHz, from due to done, {} turns each, in alternation, us:",
+        times[0].len()
+    );
+    println!("{:28}{:>9}{:>9}{:>9}", "", "p50", "p99", "max");
+    for (name, mut times) in ["no refit", "refits without a pause"].into_iter().zip(times) {
+        times.sort_by(f64::total_cmp);
+        let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
+        println!("{name:28}{:9.1}{:9.1}{:9.1}", at(0.5), at(0.99), at(1.0));
+    }
+}
+
 criterion_group!(benches, bench);
 
 fn main() {
@@ -147,5 +204,6 @@ fn main() {
     let has = |flag: &str| std::env::args().any(|argument| argument == flag);
     if has("--bench") && !has("--list") && !has("--test") {
         print_table();
+        print_side_by_side();
     }
 }

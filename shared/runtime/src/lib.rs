@@ -14,6 +14,7 @@
 pub mod checkpoint;
 pub mod clock;
 pub mod exit;
+pub mod latch;
 pub mod logging;
 pub mod place;
 pub mod process;

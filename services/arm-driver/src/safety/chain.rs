@@ -8,6 +8,7 @@ use crate::arm::Reading;
 use crate::step::Drives;
 use pursuit_kinematics::{Arm, JOINTS};
 use pursuit_messages::{ArmEvent, ArmState, Refusal, Stamp};
+use pursuit_runtime::latch::{Latch, Wish};
 
 /// Set-points that no sane sender sends, in a row, until the arm stops.
 const BAD_IN_A_ROW: u32 = 3;
@@ -36,24 +37,6 @@ pub struct Rules {
     pub activation: Activation,
     /// Largest distance between where a joint is and where its drive was told to be, rad.
     pub following_error_rad: f64,
-}
-
-/// A stop that outlives the driver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Latch {
-    /// Protective stop.
-    Protective,
-    /// Emergency stop.
-    Emergency,
-}
-
-/// What an operator wants.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wish {
-    /// Out of a stop.
-    Reset,
-    /// Follow set-points.
-    Activate,
 }
 
 /// What is seen in one turn of the loop.

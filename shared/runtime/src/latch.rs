@@ -3,11 +3,28 @@
 //! A stop is a file that is there: no process has to live for it, no content can be half written, and it
 //! outlives driver, supervisor and run. Whoever cannot look whether it is there takes it as there.
 
-use crate::safety::{Latch, Wish};
 use rustix::fs::{AtFlags, CWD, Mode, OFlags, fstat, openat, statat, unlinkat};
 use rustix::io::Errno;
 use std::os::fd::OwnedFd;
 use std::path::Path;
+
+/// A stop that outlives the driver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Latch {
+    /// Protective stop.
+    Protective,
+    /// Emergency stop.
+    Emergency,
+}
+
+/// What an operator wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wish {
+    /// Out of a stop.
+    Reset,
+    /// Follow set-points.
+    Activate,
+}
 
 const LATCHES: [(Latch, &str); 2] =
     [(Latch::Emergency, "stop.emergency"), (Latch::Protective, "stop.protective")];

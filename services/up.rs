@@ -100,15 +100,17 @@ pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u
     let frame_bytes = checked.acquisition.camera.shape().bytes();
     let bounded = checked.simulator.cell.frames > 0;
     let observed = checked.observer.is_started();
-    if let (true, Some(address)) = (observed, checked.observer.metrics) {
-        eprintln!("live page: http://{address}/");
-    }
+    let mut page = checked.observer.metrics.filter(|_| observed);
     let services = Service::ALL.into_iter().filter(|service| service.is_in_the_loop() || observed).collect();
     let lease = Duration::from_nanos(checked.simulator.run.lease_ns);
     let plan =
         Plan { directory: directory.clone(), document, program, services, frame_bytes, bounded, lease };
     let mut restarts = 0;
     let ended = supervise(plan, |glance| {
+        if let Some(address) = page.take() {
+            let token = std::fs::read_to_string(glance.directory.join(place::TOKEN)).unwrap_or_default();
+            eprintln!("live page: http://{address}/#{token}");
+        }
         restarts = glance.services.iter().map(|s| s.restarts).sum();
         progress.look(glance);
     });

@@ -1,13 +1,15 @@
 //! What the observer tells over HTTP, each client on a thread of its own: whoever asks slowly or never ends delays
 //! nobody, and is sent away after [`PATIENCE`].
 //!
-//! Reading only. A foreign web page must not read either (DNS rebinding): the name that the browser asked for has to
-//! be this machine's own (design notes on reliability, section 7).
+//! A foreign web page must not read (DNS rebinding): the name that the browser asked for has to be this machine's own.
+//! Still less must it move anything: that takes a POST that says it is JSON, from the page that is served here, and,
+//! but for a stop, the token of the run (design notes on reliability, section 7).
 
+use crate::actions::Action;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A client has so long to ask, and to take its answer.
@@ -20,6 +22,27 @@ const CLIENTS: usize = 32;
 const GUARD: &str = "Content-Security-Policy: default-src 'self'; style-src 'self' 'unsafe-inline'; frame-ancestors \
                      'none'\r\nX-Content-Type-Options: nosniff\r\nCross-Origin-Resource-Policy: same-origin\r\n\
                      Cache-Control: no-store\r\n";
+
+/// Things done in a second; one more is refused.
+const MOST_PER_S: u32 = 10;
+
+/// What is served.
+pub trait Site: Send + Sync + 'static {
+    /// What a path holds, if anything.
+    fn page(&self, path: &str) -> Option<Answer>;
+
+    /// What a path asks for, if anything.
+    fn action(&self, path: &str) -> Option<Action>;
+
+    /// Does it.
+    ///
+    /// # Errors
+    /// Why not, for people.
+    fn done(&self, action: Action) -> Result<(), String>;
+
+    /// What shows that somebody may do what is not free; `None`: nobody may.
+    fn token(&self) -> Option<String>;
+}
 
 /// What a path holds.
 pub struct Answer {
@@ -36,17 +59,15 @@ impl Answer {
     }
 }
 
-/// Serves what `page` says of a path, 404 where it says nothing; the address that it listens on.
+/// Serves a site, 404 where it has nothing; the address that it listens on.
 ///
 /// # Errors
 /// Where the address cannot be bound or there is no thread.
-pub fn serve(
-    address: SocketAddr,
-    page: impl Fn(&str) -> Option<Answer> + Send + Sync + 'static,
-) -> std::io::Result<SocketAddr> {
+pub fn serve(address: SocketAddr, site: impl Site) -> std::io::Result<SocketAddr> {
     let listener = TcpListener::bind(address)?;
     let bound = listener.local_addr()?;
-    let (page, clients) = (Arc::new(page), Arc::new(AtomicUsize::new(0)));
+    let (site, clients) = (Arc::new(site), Arc::new(AtomicUsize::new(0)));
+    let pace = Arc::new(Mutex::new(Pace::default()));
     std::thread::Builder::new().name("http".to_owned()).spawn(move || {
         for stream in listener.incoming() {
             let Ok(stream) = stream else {
@@ -57,10 +78,10 @@ pub fn serve(
                 clients.fetch_sub(1, Ordering::Relaxed);
                 continue;
             }
-            let (page, here) = (Arc::clone(&page), Arc::clone(&clients));
+            let (site, here, pace) = (Arc::clone(&site), Arc::clone(&clients), Arc::clone(&pace));
             let started = std::thread::Builder::new().name("http client".to_owned()).spawn(move || {
                 // Who goes away early is his own affair.
-                let _ = answer(stream, bound, page.as_ref());
+                let _ = answer(stream, bound, site.as_ref(), &pace);
                 here.fetch_sub(1, Ordering::Relaxed);
             });
             if started.is_err() {
@@ -74,7 +95,8 @@ pub fn serve(
 fn answer(
     mut stream: TcpStream,
     bound: SocketAddr,
-    page: &(impl Fn(&str) -> Option<Answer> + ?Sized),
+    site: &impl Site,
+    pace: &Mutex<Pace>,
 ) -> std::io::Result<()> {
     let end = Instant::now() + PATIENCE;
     stream.set_write_timeout(Some(PATIENCE))?;
@@ -91,15 +113,19 @@ fn answer(
             count => question.extend_from_slice(&part[..count]),
         }
     }
-    let question = String::from_utf8_lossy(&question);
-    let path = question.strip_prefix("GET ").and_then(|rest| rest.split(' ').next());
-    let plain = |text: &str| Answer::text("text/plain; version=0.0.4", text.to_owned());
-    let (status, answer) = if !is_from_here(&question, bound) {
-        ("403 Forbidden", plain("this is not the name of what is served here\n"))
+    let question = Question(String::from_utf8_lossy(&question).into_owned());
+    let plain = |text: String| Answer::text("text/plain; version=0.0.4", text);
+    let (status, answer) = if !question.is_from_here(bound) {
+        ("403 Forbidden", plain("this is not the name of what is served here\n".to_owned()))
+    } else if let Some(path) = question.path("POST ") {
+        let (status, words) = act(&question, path, site, pace);
+        (status, plain(words + "\n"))
     } else {
-        match path.and_then(page) {
+        match question.path("GET ").and_then(|path| site.page(path)) {
             Some(answer) => ("200 OK", answer),
-            None => ("404 Not Found", plain("there are only /, /metrics and /frames/NUMBER here\n")),
+            None => {
+                ("404 Not Found", plain("there are only /, /metrics and /frames/NUMBER here\n".to_owned()))
+            }
         }
     };
     let Answer { kind, body } = answer;
@@ -112,29 +138,121 @@ fn answer(
     stream.write_all(&body)
 }
 
-/// Whether there is exactly one Host, one of this machine's names with the port; and, where a browser says where the
-/// question comes from, that it is the page served here.
-fn is_from_here(question: &str, bound: SocketAddr) -> bool {
-    let port = bound.port();
-    let names = [format!("127.0.0.1:{port}"), format!("localhost:{port}"), format!("[::1]:{port}")];
-    let all = |wanted: &'static str| {
-        question.lines().skip(1).filter_map(move |line| {
+/// Does what is asked for, if who asks may; the status and what is said.
+fn act(question: &Question, path: &str, site: &impl Site, pace: &Mutex<Pace>) -> (&'static str, String) {
+    const FORBIDDEN: &str = "403 Forbidden";
+    let Some(action) = site.action(path) else {
+        return ("404 Not Found", "there is nothing to do of that name".to_owned());
+    };
+    // Browsers send Origin with every POST; one that is not there is no page's. A form cannot say that it is JSON.
+    if question.all("origin").count() != 1 || !question.all("content-type").eq(["application/json"]) {
+        return (FORBIDDEN, "only the page that is served here may ask for that".to_owned());
+    }
+    let shown = question.all("x-pursuit-token").next().unwrap_or_default();
+    if !action.is_free() && !site.token().is_some_and(|token| is_same(&token, shown)) {
+        return (FORBIDDEN, "that takes the token: open the link that `pursuit up` printed".to_owned());
+    }
+    if !action.is_free() && !pace.lock().unwrap_or_else(PoisonError::into_inner).allows(Instant::now()) {
+        return ("429 Too Many Requests", "not so fast".to_owned());
+    }
+    match site.done(action) {
+        Ok(()) => ("200 OK", "done".to_owned()),
+        Err(why) => ("409 Conflict", why),
+    }
+}
+
+/// Compared in a time that does not tell how much of it is right.
+fn is_same(token: &str, shown: &str) -> bool {
+    let differences = token.bytes().zip(shown.bytes()).fold(0, |all, (one, other)| all | (one ^ other));
+    token.len() == shown.len() && !token.is_empty() && differences == 0
+}
+
+/// How much was done in the present second.
+#[derive(Default)]
+struct Pace {
+    since: Option<Instant>,
+    count: u32,
+}
+
+impl Pace {
+    fn allows(&mut self, now: Instant) -> bool {
+        if self.since.is_none_or(|since| now.duration_since(since) >= Duration::from_secs(1)) {
+            (self.since, self.count) = (Some(now), 0);
+        }
+        self.count += 1;
+        self.count <= MOST_PER_S
+    }
+}
+
+/// The head of a question.
+struct Question(String);
+
+impl Question {
+    /// The path that it is about, if its method is this one.
+    fn path(&self, method: &str) -> Option<&str> {
+        self.0.strip_prefix(method).and_then(|rest| rest.split(' ').next())
+    }
+
+    /// The values of all headers of that name.
+    fn all(&self, wanted: &'static str) -> impl Iterator<Item = &str> {
+        let head = self.0.split("\r\n\r\n").next().unwrap_or_default();
+        head.lines().skip(1).filter_map(move |line| {
             let (name, value) = line.split_once(':')?;
             name.eq_ignore_ascii_case(wanted).then(|| value.trim())
         })
-    };
-    let mut hosts = all("host");
-    let is_here = |host: &str| names.iter().any(|name| name == host);
-    let one = hosts.next().is_some_and(is_here) && hosts.next().is_none();
-    let origin = all("origin").all(|origin| origin.strip_prefix("http://").is_some_and(is_here));
-    let site = all("sec-fetch-site").all(|site| site == "same-origin" || site == "none");
-    one && origin && site
+    }
+
+    /// Whether there is exactly one Host, one of this machine's names with the port; and, where a browser says where
+    /// the question comes from, that it is the page served here.
+    fn is_from_here(&self, bound: SocketAddr) -> bool {
+        let port = bound.port();
+        let names = [format!("127.0.0.1:{port}"), format!("localhost:{port}"), format!("[::1]:{port}")];
+        let mut hosts = self.all("host");
+        let (host, more) = (hosts.next(), hosts.next());
+        let is_here = |host: &str| names.iter().any(|name| name == host);
+        let origin = self
+            .all("origin")
+            .all(|origin| origin.strip_prefix("http://").is_some_and(|origin| Some(origin) == host));
+        let site = self.all("sec-fetch-site").all(|site| site == "same-origin" || site == "none");
+        host.is_some_and(is_here) && more.is_none() && origin && site
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::{Arc, Mutex};
+
+    /// A site of which `page` is all that can be read.
+    struct Plain<P> {
+        page: P,
+        done: Arc<Mutex<Vec<Action>>>,
+    }
+
+    impl<P: Fn(&str) -> Option<Answer> + Send + Sync + 'static> Site for Plain<P> {
+        fn page(&self, path: &str) -> Option<Answer> {
+            (self.page)(path)
+        }
+
+        fn action(&self, path: &str) -> Option<Action> {
+            Action::of(path)
+        }
+
+        fn done(&self, action: Action) -> Result<(), String> {
+            self.done.lock().unwrap().push(action);
+            Ok(())
+        }
+
+        fn token(&self) -> Option<String> {
+            Some("0123456789abcdef".to_owned())
+        }
+    }
+
+    fn serve(
+        address: SocketAddr,
+        page: impl Fn(&str) -> Option<Answer> + Send + Sync + 'static,
+    ) -> std::io::Result<SocketAddr> {
+        super::serve(address, Plain { page, done: Arc::default() })
+    }
 
     fn ask(address: SocketAddr, path: &str) -> String {
         ask_as(address, path, &format!("Host: {address}\r\n"))
@@ -206,5 +324,51 @@ mod tests {
         while !answered() {
             assert!(Instant::now() < limit, "nobody is answered any more");
         }
+    }
+
+    #[test]
+    fn who_is_not_the_page_or_has_no_token_does_nothing() {
+        let done: Arc<Mutex<Vec<Action>>> = Arc::default();
+        let site = Plain { page: |_: &str| None, done: Arc::clone(&done) };
+        let address = super::serve(([127, 0, 0, 1], 0).into(), site).unwrap();
+        let post = |path: &str, headers: &str| {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.write_all(format!("POST {path} HTTP/1.1\r\n{headers}\r\n").as_bytes()).unwrap();
+            let mut text = String::new();
+            stream.read_to_string(&mut text).unwrap();
+            text.split(' ').nth(1).unwrap_or_default().to_owned()
+        };
+        let host = format!("Host: {address}\r\n");
+        let origin = format!("Origin: http://{address}\r\n");
+        let json = "Content-Type: application/json\r\n";
+        let token = "X-Pursuit-Token: 0123456789abcdef\r\n";
+        let restart = "/do/restart/vision";
+        for (path, headers, status) in [
+            (restart, format!("{host}{origin}{json}"), "403"),
+            (restart, format!("{host}{json}{token}"), "403"),
+            (restart, format!("{host}{origin}{token}"), "403"),
+            (restart, format!("{host}{origin}Content-Type: text/plain\r\n{token}"), "403"),
+            (restart, format!("{host}{origin}{json}X-Pursuit-Token: 0123456789abcdeF\r\n"), "403"),
+            (restart, format!("{host}{origin}{json}X-Pursuit-Token: \r\n"), "403"),
+            (restart, format!("{host}Origin: http://evil.example\r\n{json}{token}"), "403"),
+            (restart, format!("{host}Origin: http://localhost:{}\r\n{json}{token}", address.port()), "403"),
+            (restart, format!("{host}{origin}{json}{token}Sec-Fetch-Site: cross-site\r\n"), "403"),
+            (restart, format!("Host: evil.example\r\n{origin}{json}{token}"), "403"),
+            ("/do/restart/everything", format!("{host}{origin}{json}{token}"), "404"),
+            ("/do/stop", format!("{host}{json}"), "403"),
+            ("/do/stop", format!("{host}Origin: null\r\n{json}"), "403"),
+        ] {
+            assert_eq!(post(path, &headers), status, "{path} {headers}");
+        }
+        assert!(done.lock().unwrap().is_empty());
+        let good = format!("{host}{origin}{json}{token}");
+        assert_eq!(post(restart, &good), "200");
+        assert_eq!(post("/do/stop", &format!("{host}{origin}{json}")), "200", "a stop is free");
+        assert!(ask(address, restart).starts_with("HTTP/1.1 404"), "a GET does nothing");
+        let vision = Action::Restart(pursuit_messages::Service::Vision);
+        assert_eq!(*done.lock().unwrap(), [vision, Action::Stop]);
+        let codes: Vec<String> = (0..30).map(|_| post("/do/reset", &good)).collect();
+        assert!(codes.iter().any(|code| code == "429"), "{codes:?}");
+        assert_eq!(post("/do/stop", &format!("{host}{origin}{json}")), "200", "never too many stops");
     }
 }

@@ -7,6 +7,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod account;
+pub mod actions;
 pub mod config;
 pub mod dossier;
 pub mod ears;
@@ -20,10 +21,11 @@ pub mod summary;
 pub mod timeline;
 
 use account::Account;
+use actions::Action;
 use config::Config;
 use dossier::Dossiers;
 use ears::Ears;
-use endpoint::Answer;
+use endpoint::{Answer, Site};
 use page::Live;
 use pursuit_bus::{Bus, Instance};
 use pursuit_config::{Checker, Document, Scope};
@@ -31,7 +33,7 @@ use pursuit_runtime::clock::{monotonic_ns, sleep_until_ns};
 use pursuit_runtime::settings::Clock;
 use pursuit_runtime::{ServiceError, Station, place};
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -47,6 +49,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         account: Mutex::new(Account::new(config.run.clock == Clock::Wall)),
         dossiers: Mutex::default(),
         live: Mutex::default(),
+        directory: station.directory().to_owned(),
     });
     if !station.take_over()? {
         return Ok(());
@@ -89,9 +92,10 @@ struct Told {
     account: Mutex<Account>,
     dossiers: Mutex<Dossiers>,
     live: Mutex<Live>,
+    directory: PathBuf,
 }
 
-impl Told {
+impl Site for Arc<Told> {
     fn page(&self, path: &str) -> Option<Answer> {
         let plain = |text| Answer::text("text/plain; version=0.0.4", text);
         match path {
@@ -106,6 +110,19 @@ impl Told {
             }),
         }
     }
+
+    fn action(&self, path: &str) -> Option<Action> {
+        Action::of(path)
+    }
+
+    fn done(&self, action: Action) -> Result<(), String> {
+        tracing::info!(?action, "asked for from the live page");
+        action.done(&self.directory)
+    }
+
+    fn token(&self) -> Option<String> {
+        std::fs::read_to_string(self.directory.join(place::TOKEN)).ok()
+    }
 }
 
 fn unpoisoned<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -115,7 +132,7 @@ fn unpoisoned<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 /// A port in use is no reason not to observe: it is said, with the way out.
 fn serve(address: SocketAddr, told: &Arc<Told>, directory: &Path) {
     let told = Arc::clone(told);
-    let bound = endpoint::serve(address, move |path| told.page(path)).and_then(|bound| {
+    let bound = endpoint::serve(address, told).and_then(|bound| {
         std::fs::write(directory.join(place::OBSERVER), bound.to_string())?;
         Ok(bound)
     });

@@ -1,11 +1,11 @@
 //! The live page: what it shows of the running system, as one answer for each question of the browser. It is
-//! filled only while somebody looks. Reading alone: nothing here moves, restarts or sets anything.
+//! filled only while somebody looks. Nothing here moves, restarts or sets anything: that is [`crate::actions`].
 
 use crate::account::Account;
 use crate::ears::Heard;
 use crate::endpoint::Answer;
 use pursuit_bus::FrameMessage;
-use pursuit_messages::{Detection, HOPS, Health, Service, Target, TrackPhase, Votes};
+use pursuit_messages::{Detection, DriverState, HOPS, Health, Lack, Service, Target, TrackPhase, Votes};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 
@@ -26,6 +26,7 @@ pub struct Live {
     pixels: Vec<u8>,
     fields: Value,
     target: Option<Target>,
+    arm: Option<DriverState>,
     /// Camera and target on the table, m; from the simulator, which alone knows them.
     way: VecDeque<[f64; 4]>,
 }
@@ -53,6 +54,7 @@ impl Live {
             Heard::Frame(frame) => self.show(frame),
             Heard::Votes(_, votes) => self.fields = fields(votes),
             Heard::Target(_, target) => self.target = Some(**target),
+            Heard::Driver(state) => self.arm = Some(**state),
             Heard::World(_, world) if world.exposes == 1 => {
                 let [x, y, _] = world.camera_position;
                 if self.way.len() == WAY {
@@ -103,6 +105,7 @@ impl Live {
             "hops": hops,
             "end_to_end_ms": end_to_end_ms,
             "learner": learner,
+            "arm": self.arm.as_ref().and_then(arm),
             "services": account.healths.iter().flatten().filter_map(|health| service(health, now_ns)).collect::<Vec<_>>(),
             "restarts": account.restarts,
         });
@@ -153,11 +156,17 @@ fn target(target: &Target) -> Value {
     })
 }
 
+/// State and cause of the arm, in words.
+fn arm(state: &DriverState) -> Option<Value> {
+    let (word, cause) = (state.state()?, state.cause()?);
+    Some(json!({ "state": word.word(), "cause": cause.text(), "at_rest": state.at_rest == 1 }))
+}
+
 fn service(health: &Health, now_ns: u64) -> Option<Value> {
     let service = u16::try_from(health.service).ok().and_then(Service::from_number)?;
     let silent_ms = now_ns.saturating_sub(health.time_ns) as f64 / 1e6;
     Some(json!({
         "name": service.name(), "pid": health.pid, "answered": health.answered, "skipped": health.skipped,
-        "refused": health.refused, "degraded": health.degraded != 0, "silent_ms": silent_ms.round(),
+        "refused": health.refused, "lack": Lack::from_number(health.degraded).text(), "silent_ms": silent_ms.round(),
     }))
 }

@@ -25,6 +25,8 @@ use pursuit_runtime::place;
 use pursuit_runtime::systemd::{self, Systemd};
 use slot::Reply;
 use status::{ServiceStatus, State};
+use std::io::{Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -167,8 +169,19 @@ fn prepare(plan: &Plan, instance: &Instance) -> Result<(), SupervisorError> {
         return Err(SupervisorError::Memory { needed_mb: needed >> 20, free_mb: free >> 20 });
     }
     tracing::info!("shared memory: at most {} MB of {} MB free", budget >> 20, free >> 20);
+    write_token(&plan.directory.join(place::TOKEN))
+        .map_err(|cause| SupervisorError::System { what: "cannot write the live page's token", cause })?;
     std::fs::write(plan.directory.join(place::CONFIG), plan.document.to_toml())
         .map_err(|cause| SupervisorError::System { what: "cannot write the run's config", cause })
+}
+
+/// 128 random bits that nobody else can read.
+fn write_token(path: &Path) -> std::io::Result<()> {
+    let mut random = [0u8; 16];
+    std::fs::File::open("/dev/urandom")?.read_exact(&mut random)?;
+    let token: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
+    let mut file = std::fs::File::options().write(true).create(true).truncate(true).mode(0o600).open(path)?;
+    file.write_all(token.as_bytes())
 }
 
 /// Removes the files of an earlier run, by name: whatever else is in the directory is not ours.
@@ -179,8 +192,16 @@ fn sweep(directory: &Path) {
         let lock = directory.join(place::service_lock(service.name()));
         [process::log_file(directory, service), checkpoint, refused, lock]
     });
-    let of_the_run =
-        [place::CONFIG, place::CONTROL, place::OBSERVER, place::JOURNAL, place::MOVES, place::TRAJECTORY];
+    let of_the_run = [
+        place::CONFIG,
+        place::CONTROL,
+        place::OBSERVER,
+        place::TOKEN,
+        place::CAMERA_FAULT,
+        place::JOURNAL,
+        place::MOVES,
+        place::TRAJECTORY,
+    ];
     for file in of_the_run.map(|name| directory.join(name)).into_iter().chain(of_services) {
         let _ = std::fs::remove_file(file);
     }

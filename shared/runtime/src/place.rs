@@ -24,6 +24,8 @@ pub const CONFIG: &str = "config.toml";
 pub const LOCK: &str = "lock";
 /// The supervisor's control socket.
 pub const CONTROL: &str = "control";
+/// What shows that somebody may do more from the live page than look and stop.
+pub const TOKEN: &str = "page.token";
 /// The address at which the observer answers over HTTP.
 pub const OBSERVER: &str = "observer.address";
 /// What the camera shall have, for tests (`acquisition.faults`).

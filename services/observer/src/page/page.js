@@ -151,15 +151,72 @@ function showHops(hops) {
   }));
 }
 
-function showServices(services) {
-  $("services").replaceChildren(...services.map(service => {
-    const row = element("tr"), silent = service.silent_ms > 1000;
-    const state = silent ? `silent for ${(service.silent_ms / 1000).toFixed(0)} s` : service.degraded ? "no input" : "running";
-    row.append(element("td", service.name), element("td", state, silent || service.degraded ? "bad" : "good"),
-      ...[service.answered, service.skipped, service.refused].map(count => element("td", String(count))));
-    return row;
-  }));
+const rows = new Map();
+
+// Rows stay the same elements: a button that is replaced between press and release is never clicked.
+function rowOf(name) {
+  if (!rows.has(name)) {
+    const row = element("tr"), button = element("button", "restart");
+    button.dataset.do = `restart/${name}`;
+    button.dataset.token = "";
+    button.setAttribute("aria-label", `restart ${name}`);
+    row.append(element("td", name), ...Array.from({ length: 4 }, () => element("td")), element("td"));
+    row.lastChild.append(button);
+    $("services").append(row);
+    rows.set(name, row);
+    lock(row);
+  }
+  return rows.get(name);
 }
+
+function showServices(services) {
+  for (const service of services) {
+    const cells = rowOf(service.name).children, silent = service.silent_ms > 1000;
+    const state = silent ? `silent for ${(service.silent_ms / 1000).toFixed(0)} s` : service.lack || "running";
+    const texts = [service.name, state, service.answered, service.skipped, service.refused];
+    texts.forEach((text, k) => { if (cells[k].textContent !== String(text)) cells[k].textContent = text; });
+    cells[1].className = silent || service.lack ? "bad" : "good";
+  }
+}
+
+function showArm(arm) {
+  if (!arm) return;
+  $("arm").textContent = `${arm.state.replace("_", " ")}, ${arm.at_rest ? "at rest" : "moving"}: ${arm.cause}.`;
+  $("arm").className = arm.state === "active" || arm.state === "holding" ? "" : "bad";
+}
+
+// The link that `pursuit up` prints carries the token; it is kept for this tab alone, and out of its address.
+const KEY = "pursuit-token";
+if (location.hash.length > 1) {
+  sessionStorage.setItem(KEY, location.hash.slice(1));
+  history.replaceState(null, "", location.pathname);
+}
+
+function lock(within) {
+  for (const button of within.querySelectorAll("[data-token]")) {
+    button.disabled = !sessionStorage.getItem(KEY);
+    button.title = button.disabled ? "open the link that pursuit up printed: it carries the token" : "";
+  }
+}
+
+async function act(button) {
+  $("done").textContent = `${button.dataset.do.replace("/", " ")} …`;
+  button.disabled = true;
+  try {
+    const answer = await fetch(`/do/${button.dataset.do}`, { method: "POST", body: "{}", headers: {
+      "Content-Type": "application/json", "X-Pursuit-Token": sessionStorage.getItem(KEY) || "" } });
+    $("done").textContent = `${button.dataset.do.replace("/", " ")}: ${(await answer.text()).trim()}`;
+  } catch (error) {
+    $("done").textContent = `${button.dataset.do.replace("/", " ")}: nobody answers`;
+  }
+  button.disabled = false;
+}
+
+document.addEventListener("click", event => {
+  const button = event.target.closest("[data-do]");
+  if (button) act(button);
+});
+lock(document);
 
 function showLearner(learner) {
   if (!learner) return;
@@ -183,7 +240,7 @@ function show(live, pixels) {
   const phase = live.learner ? PHASES[live.learner.phase] : "Watching";
   $("said").textContent = aim(live) ? `${phase}.` : `${phase}. Nothing is seen that moves on its own.`;
   $("restarts").textContent = live.restarts || "no";
-  showHops(live.hops); showServices(live.services); showLearner(live.learner);
+  showHops(live.hops); showLearner(live.learner);
 }
 
 async function ask() {
@@ -193,6 +250,7 @@ async function ask() {
       const answer = await fetch("/live", { cache: "no-store" });
       const bytes = new Uint8Array(await answer.arrayBuffer()), end = bytes.indexOf(10);
       const live = JSON.parse(new TextDecoder().decode(bytes.subarray(0, end)));
+      showServices(live.services); showArm(live.arm);
       if (live.frame !== shown && live.image.columns) { shown = live.frame; show(live, bytes.subarray(end + 1)); }
     }
   } catch (error) {

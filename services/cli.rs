@@ -91,7 +91,9 @@ pub enum Verb {
     },
     /// Record everything that travels between the services, as an MCAP file.
     Record(Record),
-    /// Find what moves in a folder of images or a video.
+    /// A recording once more through vision and segmentation: is it the same to the bit?
+    Replay(Replay),
+    /// Find what moves in a folder of images, a video or a recording.
     Detect(Detect),
     /// A measured experiment in lock-step, the paper's figure beside ours.
     Experiment(Experiment),
@@ -218,6 +220,9 @@ pub struct Record {
     /// End after so many seconds.
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
+    /// Where nothing runs yet, wait for it: the recording then begins with the run.
+    #[arg(long)]
+    pub wait: bool,
     /// Where the instance lives.
     #[command(flatten)]
     pub place: Place,
@@ -263,10 +268,23 @@ pub struct Chaos {
     pub run_dir: Option<PathBuf>,
 }
 
+/// Options of `replay`.
+#[derive(Args, Clone, Debug)]
+pub struct Replay {
+    /// The recording.
+    pub file: PathBuf,
+    /// Set a key of the recording's config: what another detector would have said.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Write the outcome there, as JSON (`-`: to standard output).
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
 /// Options of `detect`.
 #[derive(Args, Clone, Debug)]
 pub struct Detect {
-    /// Folder with the images, taken in natural order of name, or a video (decoded by ffmpeg).
+    /// Folder with the images, taken in natural order of name, a video (decoded by ffmpeg), or a recording (.mcap).
     pub path: PathBuf,
     /// One JSON object per frame.
     #[arg(long)]

@@ -15,6 +15,7 @@ mod parallel;
 mod plots;
 mod progress;
 mod record;
+mod replay;
 mod report;
 mod robustness;
 mod svg;
@@ -64,6 +65,7 @@ fn main() -> ExitCode {
         Verb::Reset { place } => operate::reset(&place.directory()),
         Verb::Down { place } => down(&place.directory()),
         Verb::Record(options) => record::run(&options),
+        Verb::Replay(options) => replay::run(&options),
         Verb::Detect(options) => detect(&options),
         Verb::Experiment(options) => experiment::run(&options),
         Verb::Chaos(options) => chaos::run(&options),

@@ -29,6 +29,9 @@ const WRITER_WAIT: Duration = Duration::from_millis(100);
 /// Records until a signal, the end of the instance, or the end of the time asked for.
 pub fn run(options: &Options) -> u8 {
     let directory = options.place.directory();
+    if options.wait && !is_running(&directory) && !wait_for_a_run(&directory) {
+        return exit::OK;
+    }
     if !is_running(&directory) {
         eprintln!("pursuit record: nothing runs in {}; start it with `pursuit up`", directory.display());
         return exit::FAILED;
@@ -49,6 +52,21 @@ pub fn run(options: &Options) -> u8 {
             exit::FAILED
         }
     }
+}
+
+/// Waits until something runs; `false` where a signal came first.
+fn wait_for_a_run(directory: &Path) -> bool {
+    eprintln!("waiting for `pursuit up` in {}; Ctrl-C ends it", directory.display());
+    let stop = Arc::new(AtomicBool::new(false));
+    let signals = [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT];
+    let handlers = signals.map(|signal| signal_hook::flag::register(signal, Arc::clone(&stop)));
+    while !is_running(directory) && !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    handlers.into_iter().flatten().for_each(|handler| {
+        signal_hook::low_level::unregister(handler);
+    });
+    !stop.load(Ordering::Relaxed)
 }
 
 /// What was recorded, and what was not.

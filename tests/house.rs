@@ -166,6 +166,7 @@ fn every_verb_is_in_the_readme() {
         "restart",
         "down",
         "record",
+        "replay",
         "detect",
         "experiment",
         "chaos",

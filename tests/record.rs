@@ -106,3 +106,69 @@ fn without_a_running_system_there_is_nothing_to_record() {
     let (_, error) = text(&output);
     assert!(!output.status.success() && error.contains("pursuit up"), "{error}");
 }
+
+/// Records a run from its first frame; the file.
+fn record_from_the_start(place: &Place, arguments: &[&str]) -> std::path::PathBuf {
+    let file = place.file("whole.mcap");
+    let out = file.display().to_string();
+    let mut command = place.command(&["record", "--wait", "--out", &out]);
+    let recorder = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let mut system = place.up(arguments);
+    system.wait_until_running();
+    assert!(wait_for(|| (length(&file) > 6_000_000).then_some(())).is_some(), "{}", place.log());
+    kill(recorder.id(), rustix::process::Signal::TERM);
+    let output = recorder.wait_with_output().expect("pursuit record ends");
+    assert!(output.status.success(), "{:?}", text(&output));
+    system.signal(rustix::process::Signal::TERM);
+    assert!(system.end().0.success());
+    file
+}
+
+fn replay(file: &Path, more: &[&str]) -> (Option<i32>, serde_json::Value) {
+    let output = support::pursuit().arg("replay").arg(file).args(["--json", "-"]).args(more).output();
+    let output = output.expect("pursuit replay runs");
+    let (out, err) = text(&output);
+    let outcome = serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out} {err}"));
+    (output.status.code(), outcome)
+}
+
+#[test]
+fn a_replay_is_the_recording_to_the_bit_and_another_detector_is_told_apart() {
+    let place = Place::new();
+    let file = record_from_the_start(&place, &["--set", "run.pace=real", "--set", "observer.start=never"]);
+    let (code, outcome) = replay(&file, &[]);
+    assert_eq!(code, Some(0), "{outcome}");
+    assert_eq!(outcome["with_tracks"], true, "{outcome}");
+    for stage in ["votes", "targets"] {
+        assert!(outcome[stage]["compared"].as_u64() > Some(10), "{outcome}");
+        assert_eq!(outcome[stage]["compared"], outcome[stage]["same"], "{outcome}");
+        assert_eq!(outcome[stage]["not_comparable"], 0, "{outcome}");
+    }
+    // The same again, and not the same with another detector: stage and frame are named.
+    assert_eq!(replay(&file, &[]).1, outcome);
+    let (code, other) = replay(&file, &["--set", "vision.light=false"]);
+    assert_eq!(code, Some(1));
+    assert_eq!(other["first_difference"][0], "vision", "{other}");
+    // The detector by itself takes the recording, too.
+    let output = support::pursuit().args(["detect", "--json"]).arg(&file).output().expect("it runs");
+    let (lines, errors) = text(&output);
+    assert!(output.status.success(), "{errors}");
+    assert_eq!(lines.lines().count() as u64, outcome["frames"].as_u64().expect("a number"));
+}
+
+#[test]
+fn what_is_no_recording_is_refused_with_a_reason() {
+    let place = Place::new();
+    std::fs::create_dir_all(place.file("")).expect("a folder");
+    for (name, bytes) in
+        [("empty.mcap", Vec::new()), ("noise.mcap", (0..=255u8).cycle().take(9999).collect())]
+    {
+        let file = place.file(name);
+        std::fs::write(&file, bytes).expect("a file");
+        for verb in ["replay", "detect"] {
+            let output = support::pursuit().arg(verb).arg(&file).output().expect("it runs");
+            assert_eq!(output.status.code(), Some(2), "{verb} {name}");
+            assert!(text(&output).1.contains(name), "{}", text(&output).1);
+        }
+    }
+}

@@ -1,10 +1,11 @@
-//! Where the frames come from: a folder of images or a video, one frame in memory at a time.
+//! Where the frames come from: a folder of images, a video or a recording, one frame in memory at a time.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use pursuit_images::{GreyImage, Limits, Video, is_image_name, list, load_grey, load_grey_into};
 use pursuit_motion::{MAX_SIDE, MIN_SIDE};
+use pursuit_recording::{Reader, RecordingError, Sample};
 
 use super::DetectError;
 
@@ -18,6 +19,7 @@ pub struct Input {
 enum Source {
     Folder(std::vec::IntoIter<PathBuf>),
     Video(Box<Video>),
+    Recording(Box<Reader>),
 }
 
 /// How a frame is called.
@@ -41,6 +43,9 @@ impl Input {
         let source = match std::fs::metadata(path) {
             Ok(it) if it.is_file() && is_image_name(path) => {
                 return Err(DetectError::OneImage(path.to_owned()));
+            }
+            Ok(it) if it.is_file() && has_ending(&path.to_string_lossy(), ".mcap") => {
+                Source::Recording(Box::new(Reader::open(path).map_err(|error| broken(path, error))?))
             }
             Ok(it) if it.is_file() => Source::Video(Box::new(Video::open(path, limits())?)),
             Ok(it) if !it.is_dir() => return Err(DetectError::Neither(path.to_owned())),
@@ -85,13 +90,32 @@ impl Input {
                     enough(&self.path, "frames in this video", self.frames)?;
                     return Ok(None);
                 }
-                let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
-                let picture = format!("{stem}-{:06}.png", self.frames);
-                Name { path: self.path.clone(), file: last_part(&self.path), picture }
+                self.name(self.frames)
+            }
+            Source::Recording(reader) => {
+                let Some((number, recorded)) = next_image(&self.path, reader)? else {
+                    enough(&self.path, "frames in this recording", self.frames)?;
+                    return Ok(None);
+                };
+                if !first && (frame.width, frame.height) != (recorded.width, recorded.height) {
+                    let sides = |image: &GreyImage| format!("{}x{}", image.width, image.height);
+                    let what =
+                        format!("frame {number} is {}, those before {}", sides(&recorded), sides(frame));
+                    return Err(DetectError::Recording { path: self.path.clone(), what });
+                }
+                *frame = recorded;
+                self.name(number)
             }
         };
         self.frames += 1;
         Ok(Some(name))
+    }
+
+    /// The name of a frame of a file that holds many.
+    fn name(&self, number: u64) -> Name {
+        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        let picture = format!("{stem}-{number:06}.png");
+        Name { path: self.path.clone(), file: last_part(&self.path), picture }
     }
 
     /// After the last frame: what a person should know although it was no error.
@@ -100,6 +124,35 @@ impl Input {
         let complaint = video.complaint()?;
         Some(format!("{}: ffmpeg went on, but says: {complaint}", self.path.display()))
     }
+}
+
+/// The next image of a recording, with its number there.
+fn next_image(path: &Path, reader: &mut Reader) -> Result<Option<(u64, GreyImage)>, DetectError> {
+    while let Some(entry) = reader.next_entry().map_err(|error| broken(path, error))? {
+        let Sample::Frame(pixels) = entry.sample else { continue };
+        let shape = entry.stamp.image;
+        let sides = MIN_SIDE as u32..=MAX_SIDE as u32;
+        if !sides.contains(&shape.width) || !sides.contains(&shape.height) {
+            let what = format!(
+                "frame {} is {}x{}, sides of {MIN_SIDE} to {MAX_SIDE} are needed",
+                entry.stamp.frame, shape.width, shape.height
+            );
+            return Err(DetectError::Recording { path: path.to_owned(), what });
+        }
+        let rows = pixels.chunks(shape.stride as usize).take(shape.height as usize);
+        let pixels: Vec<u8> =
+            rows.flat_map(|row| &row[..row.len().min(shape.width as usize)]).copied().collect();
+        if pixels.len() != shape.width as usize * shape.height as usize {
+            let what = format!("frame {} is cut off", entry.stamp.frame);
+            return Err(DetectError::Recording { path: path.to_owned(), what });
+        }
+        return Ok(Some((entry.stamp.frame, GreyImage { width: shape.width, height: shape.height, pixels })));
+    }
+    Ok(None)
+}
+
+fn broken(path: &Path, error: RecordingError) -> DetectError {
+    DetectError::Recording { path: path.to_owned(), what: error.to_string() }
 }
 
 fn limits() -> Limits {

@@ -1,4 +1,4 @@
-//! `pursuit detect`: vision and segmentation over a folder of images or a video, in one process.
+//! `pursuit detect`: vision and segmentation over a folder of images, a video or a recording, in one process.
 //!
 //! One line per frame: a JSON object with `--json`, else a row of a table; pictures where they are asked for.
 //! u is right and v down from the centre of the top-left pixel, velocities are px/frame from the frame before.
@@ -56,6 +56,14 @@ pub enum DetectError {
     /// A device or the like.
     #[error("{}: is neither a folder of images nor a video file", .0.display())]
     Neither(PathBuf),
+    /// A recording that is broken, or of images that cannot be worked on.
+    #[error("{}: {what}", path.display())]
+    Recording {
+        /// The recording.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
     /// Motion takes two frames.
     #[error("{}: {what}: {count}; at least 2 are needed to see a motion", path.display())]
     TooFew {

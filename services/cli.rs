@@ -273,6 +273,21 @@ pub struct Chaos {
 pub struct Replay {
     /// The recording.
     pub file: PathBuf,
+    /// Through acquisition, vision and segmentation as processes of their own, in place of in this one.
+    #[arg(long)]
+    pub services: bool,
+    /// With --services: times as fast as it was.
+    #[arg(long, default_value_t = 1.0)]
+    pub speed: f64,
+    /// With --services: begin so many seconds after the first frame.
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    pub from: f64,
+    /// With --services: again and again, until it is stopped.
+    #[arg(long = "loop")]
+    pub again: bool,
+    /// Where the instance lives (--services).
+    #[command(flatten)]
+    pub place: Place,
     /// Set a key of the recording's config: what another detector would have said.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,

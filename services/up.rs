@@ -86,6 +86,10 @@ pub fn run_system(options: &Up, mut document: Document) -> Result<Option<Run>, u
         let folder = std::path::absolute(&files.folder).unwrap_or_else(|_| files.folder.clone());
         document.set("acquisition.folder", &format!("{:?}", folder.display().to_string())).map_err(refuse)?;
     }
+    if let Source::Recorded(recorded) = &checked.acquisition.source {
+        let file = std::path::absolute(&recorded.file).unwrap_or_else(|_| recorded.file.clone());
+        document.set("acquisition.file", &format!("{:?}", file.display().to_string())).map_err(refuse)?;
+    }
     let directory = options.place.directory_or(&checked.acquisition.run.instance);
     let program = std::env::current_exe().map_err(|error| {
         eprintln!("pursuit: cannot find my own program file: {error}");

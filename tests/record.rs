@@ -149,6 +149,14 @@ fn a_replay_is_the_recording_to_the_bit_and_another_detector_is_told_apart() {
     let (code, other) = replay(&file, &["--set", "vision.light=false"]);
     assert_eq!(code, Some(1));
     assert_eq!(other["first_difference"][0], "vision", "{other}");
+    // Through the services as processes of their own: the same bits, as far as none was passed over.
+    let run = place.run_dir().display().to_string();
+    let (code, processes) = replay(&file, &["--services", "--speed", "0.5", "--run-dir", &run]);
+    assert_eq!(code, Some(0), "{processes}\n{}", place.log());
+    assert!(processes["votes"]["same"].as_u64() > Some(10), "{processes}");
+    assert_eq!(processes["votes"]["compared"], processes["votes"]["same"], "{processes}");
+    assert_eq!(processes["targets"]["compared"], processes["targets"]["same"], "{processes}");
+    place.assert_nothing_left();
     // The detector by itself takes the recording, too.
     let output = support::pursuit().args(["detect", "--json"]).arg(&file).output().expect("it runs");
     let (lines, errors) = text(&output);

@@ -20,6 +20,13 @@ pub struct Config {
     pub faults: bool,
 }
 
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Simulated,
+    Files,
+    Recording,
+}
+
 /// The same image for so long is a stuck camera, ms.
 const FROZEN_MS: f64 = 100.0;
 
@@ -30,6 +37,21 @@ pub enum Source {
     Simulated(SceneParameters),
     /// Read from a folder.
     Files(Files),
+    /// Played from a recording.
+    Recorded(Recorded),
+}
+
+/// A recording as a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// The file.
+    pub file: PathBuf,
+    /// Times as fast as it was.
+    pub speed: f64,
+    /// Where it begins, ns after its first frame.
+    pub from_ns: u64,
+    /// Whether it begins again at its end.
+    pub repeats: bool,
 }
 
 /// A folder of images as a camera.
@@ -50,20 +72,30 @@ impl Config {
         let section = checker.section("acquisition");
         let folder = section.path_or("folder", "");
         let repeats = section.flag_or("repeat", false);
-        let files = section.choice("source", &[("simulated", false), ("files", true)]);
-        if files && folder.as_os_str().is_empty() {
+        let file = section.path_or("file", "");
+        let speed = section.float_or("speed", 0.01..=100.0, 1.0);
+        let from_s = section.float_or("from_s", 0.0..=1e6, 0.0);
+        let kinds = [("simulated", Kind::Simulated), ("files", Kind::Files), ("recording", Kind::Recording)];
+        let kind = section.choice("source", &kinds);
+        if kind == Kind::Files && folder.as_os_str().is_empty() {
             section.fault("folder", "is missing: source = \"files\" needs the folder of the images");
         }
-        if files && run.clock == settings::Clock::Lockstep {
-            section.fault(
-                "source",
-                "\"files\" needs run.clock = \"wall\": only the simulator can keep lock-step",
-            );
+        if kind == Kind::Recording && file.as_os_str().is_empty() {
+            section.fault("file", "is missing: source = \"recording\" needs the recording");
         }
-        let source = if files { Source::Files(Files { folder, repeats }) } else { Source::Simulated(scene) };
+        if kind != Kind::Simulated && run.clock == settings::Clock::Lockstep {
+            section.fault("source", "needs run.clock = \"wall\": only the simulator can keep lock-step");
+        }
+        let source = match kind {
+            Kind::Simulated => Source::Simulated(scene),
+            Kind::Files => Source::Files(Files { folder, repeats }),
+            Kind::Recording => {
+                Source::Recorded(Recorded { file, speed, from_ns: (from_s * 1e9) as u64, repeats })
+            }
+        };
         // Without noise two images may well be the same, and films have doubled frames.
         let repeats = match &source {
-            Source::Files(_) => true,
+            Source::Files(_) | Source::Recorded(_) => true,
             Source::Simulated(scene) => scene.noise_sigma == 0.0,
         };
         let frozen_ms = section.float_or("frozen_ms", 0.0..=60_000.0, if repeats { 0.0 } else { FROZEN_MS });

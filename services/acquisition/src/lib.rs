@@ -7,11 +7,13 @@ pub mod camera;
 pub mod config;
 pub mod fault;
 mod files;
+mod recorded;
 pub mod sanity;
 mod simulated;
 
 pub use camera::{Camera, CameraError, Exposure};
 pub use files::FileCamera;
+pub use recorded::RecordedCamera;
 pub use simulated::{SimulatedCamera, view_of};
 
 use config::{Config, Source};
@@ -33,6 +35,7 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let mut camera: Box<dyn Camera> = match &config.source {
         Source::Simulated(scene) => Box::new(SimulatedCamera::new(&station.bus, scene, config.run.clock)?),
         Source::Files(files) => Box::new(FileCamera::new(files, &config.camera)),
+        Source::Recorded(recorded) => Box::new(RecordedCamera::new(recorded, shape)),
     };
     if config.faults {
         camera = Box::new(FaultyCamera::new(camera, station.directory().join(place::CAMERA_FAULT)));

@@ -1,9 +1,13 @@
 //! `pursuit replay`: a recording once more through the detector that made it, stage by stage, and whether it comes to
 //! the same to the bit.
 //!
+//! In this process, or through acquisition and the same services as they run ([`services`]): the same bits.
+//!
 //! Vision's answer to a frame depends on that frame and on one before it, which the recorded answer names; so each
 //! recorded answer can be made again. Segmentation remembers tracks: they are compared where the recording begins
 //! with the run, else only what it says of each pair alone. Times of computing are no answer.
+
+mod services;
 
 use crate::check;
 use crate::cli::Replay as Options;
@@ -24,6 +28,9 @@ const KEPT: usize = 40;
 /// Votes kept until the target that is made of them comes.
 const PENDING: usize = 16;
 
+/// SHA-256.
+type Digest32 = [u8; 32];
+
 /// How a stage compares.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 struct Stage {
@@ -38,7 +45,7 @@ struct Stage {
 }
 
 /// What a replay came to.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 struct Outcome {
     frames: u64,
     votes: Stage,
@@ -53,7 +60,9 @@ struct Outcome {
 
 /// Runs the verb.
 pub fn run(options: &Options) -> u8 {
-    match replay(&options.file, &options.set) {
+    let outcome =
+        if options.services { services::replay(options) } else { replay(&options.file, &options.set) };
+    match outcome {
         Ok(outcome) => {
             if let Some(file) = &options.json {
                 let code = crate::up::write_json(file, &outcome);
@@ -112,8 +121,9 @@ struct Machine {
     outcome: Outcome,
 }
 
-fn replay(file: &Path, set: &[String]) -> Result<Outcome, String> {
-    let mut reader = Reader::open(file).map_err(|e| e.to_string())?;
+/// A recording, and the config that its run had, with these settings on top.
+fn open(file: &Path, set: &[String]) -> Result<(Reader, Document), String> {
+    let reader = Reader::open(file).map_err(|e| e.to_string())?;
     let config = reader.config().filter(|config| !config.is_empty());
     let config =
         config.ok_or("holds no config of a run: only what `pursuit record` wrote can be replayed")?;
@@ -122,6 +132,12 @@ fn replay(file: &Path, set: &[String]) -> Result<Outcome, String> {
         let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
         document.set(key.trim(), value.trim()).map_err(|e| e.to_string())?;
     }
+    Ok((reader, document))
+}
+
+/// In this process.
+fn replay(file: &Path, set: &[String]) -> Result<Outcome, String> {
+    let (mut reader, document) = open(file, set)?;
     let checked = check::all(&document).map_err(|e| e.to_string())?;
     let shape = checked.vision.camera.shape();
     let eye = Eye::new(shape.width as usize, shape.height as usize, &checked.vision.detector);
@@ -132,14 +148,7 @@ fn replay(file: &Path, set: &[String]) -> Result<Outcome, String> {
         frames: VecDeque::with_capacity(KEPT),
         pending: VecDeque::with_capacity(PENDING),
         digests: [Sha256::new(), Sha256::new()],
-        outcome: Outcome {
-            frames: 0,
-            votes: Stage::default(),
-            targets: Stage::default(),
-            with_tracks: false,
-            closed: false,
-            first_difference: None,
-        },
+        outcome: Outcome::default(),
     };
     while let Some(entry) = reader.next_entry().map_err(|e| e.to_string())? {
         match entry.sample {
@@ -192,8 +201,9 @@ impl Machine {
         if let (Some(newer), Some(older)) = (newer, older) {
             let mut again = Box::<Votes>::default();
             self.eye.look(older, newer, recorded.interval, &mut again, &mut NoProbe);
-            digest_votes(&mut self.digests[0], &again);
-            let same = without_times(&recorded) == without_times(&again);
+            let again = votes_digest(&again);
+            self.digests[0].update(again);
+            let same = votes_digest(&recorded) == again;
             self.outcome.votes.count(same);
             if !same {
                 self.outcome.first_difference.get_or_insert(("vision", epoch, number));
@@ -217,16 +227,10 @@ impl Machine {
             self.outcome.targets.not_comparable += 1;
             return Ok(());
         };
-        let mut again = self.segmenter.answer(frame, votes, Some(image));
-        let mut recorded = *recorded;
-        (again.segmentation_ns, recorded.segmentation_ns) = (0, 0);
-        if !self.outcome.with_tracks {
-            for target in [&mut again, &mut recorded] {
-                (target.track, target.track_phase, target.track_id) = (Detection::default(), 0, 0);
-            }
-        }
-        self.digests[1].update(format!("{again:?}"));
-        let same = again == recorded;
+        let again = self.segmenter.answer(frame, votes, Some(image));
+        let again = target_digest(&again, self.outcome.with_tracks);
+        self.digests[1].update(again);
+        let same = target_digest(recorded, self.outcome.with_tracks) == again;
         self.outcome.targets.count(same);
         if !same {
             self.outcome.first_difference.get_or_insert(("segmentation", frame.0, frame.1));
@@ -257,18 +261,28 @@ fn image_of(
     found.map(|kept| Image::new(&kept.pixels, width, height, stride).map_err(|e| e.to_string())).transpose()
 }
 
-/// Votes without what only tells how long they took.
-fn without_times(votes: &Votes) -> Box<Votes> {
-    let mut votes = Box::new(*votes);
-    (votes.pyramid_ns, votes.votes_ns, votes.compensation_ns, votes.competition_ns) = (0, 0, 0, 0);
-    votes
+/// Everything that vision says of a frame but how long it took.
+fn votes_digest(votes: &Votes) -> Digest32 {
+    let v = votes;
+    let mut digest = Sha256::new();
+    let shape =
+        (v.valid, v.mode, v.outcome, v.candidate_count, v.columns, v.rows, v.passes, v.shift_u, v.shift_v);
+    let motion =
+        (v.cell_px, v.interval, v.coherence, v.coherence_sum, v.background_u, v.background_v, v.motion);
+    digest.update(format!("{shape:?} {motion:?} {:?} {:?}", v.evidence, v.candidates));
+    for cell in v.fields.iter().flatten() {
+        digest.update(cell.to_bits().to_le_bytes());
+    }
+    digest.finalize().into()
 }
 
-fn digest_votes(digest: &mut Sha256, votes: &Votes) {
-    let candidates = &votes.candidates[..(votes.candidate_count as usize).min(votes.candidates.len())];
-    let words = (votes.valid, votes.outcome, votes.interval, votes.evidence.to_bits(), candidates);
-    digest.update(format!("{words:?} {:?}", votes.motion.map(f64::to_bits)));
-    for field in &votes.fields {
-        field.iter().for_each(|cell| digest.update(cell.to_bits().to_le_bytes()));
+/// Everything that segmentation says of a frame but how long it took; without its tracks where they are of frames
+/// that are not there.
+fn target_digest(target: &Target, with_tracks: bool) -> Digest32 {
+    let mut target = *target;
+    target.segmentation_ns = 0;
+    if !with_tracks {
+        (target.track, target.track_phase, target.track_id) = (Detection::default(), 0, 0);
     }
+    Sha256::digest(format!("{target:?}")).into()
 }

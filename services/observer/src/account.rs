@@ -110,6 +110,6 @@ impl Account {
     }
 }
 
-fn is_answer(stamp: &Stamp) -> bool {
+pub(crate) fn is_answer(stamp: &Stamp) -> bool {
     stamp.passed().iter().any(|stage| stage.service == Service::Learner as u16)
 }

@@ -16,6 +16,10 @@ pub struct Config {
     pub start: Start,
     /// Where metrics are served; `None` for nowhere.
     pub metrics: Option<SocketAddr>,
+    /// The collector that frames are told to as traces; `None` for none.
+    pub otlp: Option<String>,
+    /// Each so many-th frame is told.
+    pub otlp_every: u64,
 }
 
 /// When `pursuit up` starts the observer.
@@ -52,7 +56,13 @@ impl Config {
                 format!("must be an address of this machine alone, as {METRICS}, or empty, is {address:?}"),
             );
         }
-        Config { run, camera, start, metrics }
+        let otlp = section.text_or("otlp", "");
+        if !otlp.is_empty() && !otlp.starts_with("http://") {
+            section.fault("otlp", format!("must be as http://127.0.0.1:4318, or empty, is {otlp:?}"));
+        }
+        let otlp = Some(otlp).filter(|otlp| !otlp.is_empty());
+        let otlp_every = section.integer_or("otlp_every", 1..=1_000_000, 1);
+        Config { run, camera, start, metrics, otlp, otlp_every }
     }
 
     /// Whether `pursuit up` starts it.

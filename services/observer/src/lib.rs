@@ -16,6 +16,7 @@ pub mod histogram;
 pub mod latency;
 pub mod ledger;
 pub mod metrics;
+pub mod otlp;
 pub mod page;
 pub mod summary;
 pub mod timeline;
@@ -24,8 +25,9 @@ use account::Account;
 use actions::Action;
 use config::Config;
 use dossier::Dossiers;
-use ears::Ears;
+use ears::{Ears, Heard};
 use endpoint::{Answer, Site};
+use otlp::Exporter;
 use page::Live;
 use pursuit_bus::{Bus, Instance};
 use pursuit_config::{Checker, Document, Scope};
@@ -57,6 +59,9 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     if let Some(address) = config.metrics {
         serve(address, &told, station.directory());
     }
+    let exporter = config.otlp.as_deref().map(|collector| Exporter::start(collector, config.otlp_every));
+    let mut exporter =
+        exporter.transpose().map_err(|e| ServiceError::Other(format!("no thread for traces: {e}")))?;
     let mut failures = 0;
     let (mut newest, mut alarmed) = (None, false);
     while station.turn() {
@@ -66,6 +71,11 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         let watched = live.is_watched(begin);
         failures += account.listen_with(&ears, |heard| {
             dossiers.take(heard);
+            if let (Some(exporter), Heard::Command(stamp, _)) = (&mut exporter, heard)
+                && account::is_answer(stamp)
+            {
+                exporter.take(stamp);
+            }
             if watched {
                 live.take(heard);
             }

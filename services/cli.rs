@@ -91,6 +91,8 @@ pub enum Verb {
     },
     /// Record everything that travels between the services, as an MCAP file.
     Record(Record),
+    /// A recording as one HTML page with the paper's figures made from it.
+    Report(RunReport),
     /// A recording once more through vision and segmentation: is it the same to the bit?
     Replay(Replay),
     /// Find what moves in a folder of images, a video or a recording.
@@ -266,6 +268,16 @@ pub struct Chaos {
     /// Its run-time directory, in place of one below $XDG_RUNTIME_DIR.
     #[arg(long)]
     pub run_dir: Option<PathBuf>,
+}
+
+/// Options of `report`.
+#[derive(Args, Clone, Debug)]
+pub struct RunReport {
+    /// The recording.
+    pub file: PathBuf,
+    /// The page [default: beside the recording, with the ending .html].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }
 
 /// Options of `replay`.

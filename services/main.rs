@@ -18,6 +18,7 @@ mod record;
 mod replay;
 mod report;
 mod robustness;
+mod run_report;
 mod svg;
 mod top;
 mod trace;
@@ -65,6 +66,7 @@ fn main() -> ExitCode {
         Verb::Reset { place } => operate::reset(&place.directory()),
         Verb::Down { place } => down(&place.directory()),
         Verb::Record(options) => record::run(&options),
+        Verb::Report(options) => run_report::run(&options),
         Verb::Replay(options) => replay::run(&options),
         Verb::Detect(options) => detect(&options),
         Verb::Experiment(options) => experiment::run(&options),

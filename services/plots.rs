@@ -65,6 +65,22 @@ fn x_over_time(records: &[&Record]) -> Plot {
     }
 }
 
+/// The paper's figure 5 of a run: velocities of background and target, px/frame.
+pub fn velocity_plane(background: Vec<[f64; 2]>, target: Vec<[f64; 2]>) -> String {
+    let plot = Plot {
+        title: "Velocities in the image, right and down (paper: figure 5)".to_owned(),
+        x_label: "right, px/frame".to_owned(),
+        y_label: "down, px/frame".to_owned(),
+        equal_axes: true,
+        log_y: false,
+        series: vec![
+            series("background", CAMERA, Mark::Dots, background),
+            series("target against the background", TARGET, Mark::Dots, target),
+        ],
+    };
+    plot.svg()
+}
+
 /// How far one single move would end from a target, after each move.
 fn learning_curve(moves: &[MoveRecord]) -> Plot {
     let over_moves = |value: fn(&MoveRecord) -> f64| {

@@ -167,6 +167,7 @@ fn every_verb_is_in_the_readme() {
         "down",
         "record",
         "replay",
+        "report",
         "detect",
         "experiment",
         "chaos",

@@ -157,6 +157,18 @@ fn a_replay_is_the_recording_to_the_bit_and_another_detector_is_told_apart() {
     assert_eq!(processes["votes"]["compared"], processes["votes"]["same"], "{processes}");
     assert_eq!(processes["targets"]["compared"], processes["targets"]["same"], "{processes}");
     place.assert_nothing_left();
+    // As a page that needs nothing else.
+    let page = place.file("whole.html");
+    let output = support::pursuit().arg("report").arg(&file).output().expect("it runs");
+    assert!(output.status.success(), "{}", text(&output).1);
+    let html = std::fs::read_to_string(&page).expect("the page is beside the recording");
+    for wanted in
+        ["What was seen", "figure 2", "figure 4", "figure 5", "data:image/png;base64,", "the paper (1994)"]
+    {
+        assert!(html.contains(wanted), "the page has no {wanted}");
+    }
+    let elsewhere = html.matches("http").count() - html.matches("http://www.w3.org/2000/svg").count();
+    assert_eq!(elsewhere, 0, "the page needs something from elsewhere");
     // The detector by itself takes the recording, too.
     let output = support::pursuit().args(["detect", "--json"]).arg(&file).output().expect("it runs");
     let (lines, errors) = text(&output);
@@ -173,7 +185,7 @@ fn what_is_no_recording_is_refused_with_a_reason() {
     {
         let file = place.file(name);
         std::fs::write(&file, bytes).expect("a file");
-        for verb in ["replay", "detect"] {
+        for verb in ["replay", "detect", "report"] {
             let output = support::pursuit().arg(verb).arg(&file).output().expect("it runs");
             assert_eq!(output.status.code(), Some(2), "{verb} {name}");
             assert!(text(&output).1.contains(name), "{}", text(&output).1);

@@ -18,10 +18,13 @@ use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
 
 use crate::check::Detection;
-use pursuit_images::{GreyImage, ImagesError};
+use pursuit_images::{Canvas, GreyImage, ImagesError};
 use thiserror::Error;
 
-use detector::{Detector, DetectorError};
+use annotate::annotated;
+use detector::Detector;
+pub use detector::DetectorError;
+use figures::{Figure2, figure4};
 use input::Input;
 use pictures::Pictures;
 use print::{Summary, write_head, write_json, write_row};
@@ -105,6 +108,24 @@ pub enum DetectError {
     /// The result cannot be printed.
     #[error("the result cannot be written: {0}")]
     Output(#[from] io::Error),
+}
+
+/// The paper's figures 2 and 4 of a pair of frames, and the newer one with the answer drawn in.
+///
+/// # Errors
+/// The detector does not take the frames.
+pub fn pictures_of(
+    older: &GreyImage,
+    newer: &GreyImage,
+    detection: &Detection,
+) -> Result<[Canvas; 3], DetectorError> {
+    let mut detector = Detector::new(older, detection)?;
+    let mut figure2 = Figure2::default();
+    detector.step(None, older)?;
+    figure2.draw((None, older), detector.levels());
+    let answer = detector.step(Some(older), newer)?;
+    let levels = figure2.draw((Some(older), newer), detector.levels());
+    Ok([levels, figure4(&detector.vote_fields()), annotated(newer, &answer)])
 }
 
 /// Detects the target in every image of the folder, in natural order of their names, or in every frame of the

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::letters::{self, GLYPH_COLUMNS, GLYPH_ROWS};
+use crate::write::png_rgb;
 use crate::{GreyImage, ImagesError, write_png_rgb};
 
 /// Points farther out are no image coordinates (and clipping would lose its precision).
@@ -201,6 +202,11 @@ impl Canvas {
     /// The file cannot be written.
     pub fn write_png(&self, path: &Path) -> Result<(), ImagesError> {
         write_png_rgb(path, self.width, self.height, &self.pixels)
+    }
+
+    /// The canvas as the bytes of a PNG file.
+    pub fn png(&self) -> Vec<u8> {
+        png_rgb(self.width, self.height, &self.pixels)
     }
 
     fn index(&self, u: i64, v: i64) -> Option<usize> {

@@ -48,8 +48,26 @@ fn write(
     let unwritable = |reason: String| ImagesError::Io { path: path.to_owned(), action: "written", reason };
     let file = File::create(path).map_err(|error| unwritable(error.to_string()))?;
     let mut writer = BufWriter::new(file);
-    PngEncoder::new_with_quality(&mut writer, CompressionType::Fast, FilterType::Adaptive)
-        .write_image(pixels, width, height, colour)
-        .map_err(|error| unwritable(error.to_string()))?;
+    encode(&mut writer, width, height, pixels, colour).map_err(unwritable)?;
     writer.flush().map_err(|error| unwritable(error.to_string()))
+}
+
+/// `width * height` pixels of red, green, blue as the bytes of a PNG file.
+pub(crate) fn png_rgb(width: u32, height: u32, pixels: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    // Into memory it cannot fail, and the canvas has as many pixels as it says.
+    let _ = encode(&mut bytes, width, height, pixels, ExtendedColorType::Rgb8);
+    bytes
+}
+
+fn encode(
+    writer: impl Write,
+    width: u32,
+    height: u32,
+    pixels: &[u8],
+    colour: ExtendedColorType,
+) -> Result<(), String> {
+    PngEncoder::new_with_quality(writer, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(pixels, width, height, colour)
+        .map_err(|error| error.to_string())
 }

@@ -55,6 +55,27 @@ fn one_seed_gives_one_trajectory_and_another_seed_another() {
 }
 
 #[test]
+fn what_was_learnt_outlives_the_run_where_it_is_kept() {
+    let place = Place::new();
+    let keep = place.file("kept");
+    let set = format!("learner.keep={:?}", keep.display().to_string());
+    let first = report(&place, &["--seed", "3", "--set", &set]);
+    assert_eq!(first["learning"]["moves"].as_array().map(Vec::len), Some(4));
+    let told = json(&keep.join("learner.json"));
+    assert_eq!(told["moves"], 4, "{told}");
+    assert!(told["weights"].as_array().is_some_and(|weights| weights.len() > 20), "{told}");
+    // The next run goes on from there, and needs no training.
+    let second = report(&place, &["--seed", "4", "--set", &set]);
+    // One at most: the simulator sees the moves of before as one that ended.
+    assert!(second["learning"]["moves"].as_array().is_some_and(|moves| moves.len() <= 1), "{}", place.log());
+    assert!(second["tracking"]["frames"].as_u64() > Some(10), "{second}");
+    // With other parameters it is not used, and not lost.
+    let third = report(&place, &["--seed", "5", "--set", &set, "--set", "learner.eta=0.2"]);
+    assert_eq!(third["learning"]["moves"].as_array().map(Vec::len), Some(4), "{}", place.log());
+    assert!(keep.join("learner.state.refused").exists());
+}
+
+#[test]
 fn one_process_gives_the_same_trajectory_as_six() {
     let place = Place::new();
     let processes = report(&place, &["--seed", "7"]);

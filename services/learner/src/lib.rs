@@ -8,6 +8,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod archive;
 mod background;
 pub mod chart;
 pub mod config;
@@ -74,7 +75,13 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
         return Ok(());
     }
     let (mut checkpoint, saved) = Checkpoint::open(&station.checkpoint_file(), SCHEMA, CHECKPOINT_BYTES)?;
-    let (mut epoch, mut learner) = restore(saved, &config, &station.checkpoint_file());
+    let is_new_run = saved.is_none();
+    let (archived, _keeper) = archive::open(&config, &mut checkpoint)?;
+    let (mut epoch, mut learner) = restore(saved.or(archived), &config, &station.checkpoint_file());
+    if is_new_run {
+        // What was learnt in another run holds, its frame numbers do not.
+        epoch = 0;
+    }
     refitter.begin(&learner);
     while station.turn() {
         wait(&[&targets, &joints], TICK)?;

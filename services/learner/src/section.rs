@@ -4,6 +4,7 @@ use crate::config::{Controller, Lead, Parameters, Profile};
 use pursuit_config::Checker;
 use pursuit_learning::Method;
 use pursuit_runtime::settings;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// What the learner needs.
@@ -13,12 +14,20 @@ pub struct Config {
     pub run: settings::Run,
     /// Parameters of learning and following.
     pub parameters: Parameters,
+    /// Folder on a disk in which the state outlives run and machine; `None`: it lives as long as the run.
+    pub keep: Option<PathBuf>,
 }
 
 impl Config {
     /// Reads the sections; faults go to the checker.
     pub fn read(checker: &Checker<'_>) -> Config {
-        Config { run: settings::Run::read(checker), parameters: read(checker) }
+        let section = checker.section("learner");
+        let keep = PathBuf::from(section.text_or("keep", ""));
+        if !keep.as_os_str().is_empty() && keep.is_relative() {
+            section.fault("keep", format!("must be an absolute path, or empty, is {:?}", keep.display()));
+        }
+        let keep = Some(keep).filter(|folder| !folder.as_os_str().is_empty());
+        Config { run: settings::Run::read(checker), parameters: read(checker), keep }
     }
 }
 

@@ -78,11 +78,17 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Starts the thread; it looks for a new state every `period` ([`PERIOD`]).
+    /// Starts the thread; it looks for a new state every `period` ([`PERIOD`]). What it has put on the disk it
+    /// gives to `told`, too: for a copy that people can read, say.
     ///
     /// # Errors
     /// Where the system has no thread to give.
-    pub fn start(checkpoint: &Checkpoint, vault: Vault, period: Duration) -> io::Result<Keeper> {
+    pub fn start(
+        checkpoint: &Checkpoint,
+        vault: Vault,
+        period: Duration,
+        told: impl Fn(&[u8]) + Send + 'static,
+    ) -> io::Result<Keeper> {
         let (going, ended) = channel::<()>();
         let stored = Arc::new(AtomicU64::new(0));
         let mut copier = Copier {
@@ -92,6 +98,7 @@ impl Keeper {
             bytes: vec![0; 2 * slot::bytes_for(vault.capacity)],
             vault,
             failing: false,
+            told: Box::new(told),
         };
         let thread = std::thread::Builder::new().name("keeper".to_owned()).spawn(move || {
             while ended.recv_timeout(period) == Err(RecvTimeoutError::Timeout) {
@@ -124,7 +131,11 @@ struct Copier {
     bytes: Vec<u8>,
     vault: Vault,
     failing: bool,
+    told: Told,
 }
+
+/// Who is given what was put on the disk.
+type Told = Box<dyn Fn(&[u8]) + Send>;
 
 impl Copier {
     /// Stores the newest state, if there is one that is not stored. A disk that fails is reported once, and
@@ -155,6 +166,7 @@ impl Copier {
             if let Some(state) = restored.state {
                 self.vault.store(restored.sequence, &state)?;
                 self.stored.store(restored.sequence, Ordering::Release);
+                (self.told)(&state);
                 return Ok(());
             }
         }

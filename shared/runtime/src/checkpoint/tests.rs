@@ -128,7 +128,7 @@ fn the_keeper_puts_on_the_disk_what_is_newest_and_the_rest_at_its_end() {
     let (mut checkpoint, _) = Checkpoint::open(&live.0, 1, 100).unwrap();
     let (vault, before) = Vault::open(&kept.0, 1, 100).unwrap();
     assert!(before.state.is_none());
-    let keeper = Keeper::start(&checkpoint, vault, Duration::from_millis(1)).unwrap();
+    let keeper = Keeper::start(&checkpoint, vault, Duration::from_millis(1), |_| {}).unwrap();
     let limit = Instant::now() + Duration::from_secs(60);
     let mut n = 0;
     while keeper.stored() < 20 {

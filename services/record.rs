@@ -4,10 +4,11 @@
 //! drops messages and counts them. Nothing here can hold up the loop: every topic overflows.
 
 use crate::cli::Record as Options;
-use pursuit_bus::{Bus, BusError, FrameSubscriber, Instance, Subscriber, wait};
+use pursuit_bus::{Bus, BusError, FrameSubscriber, Instance, Reader, Subscriber, wait};
 use pursuit_messages::Stamp;
 use pursuit_messages::topics::{
-    JointStates, LearnerStates, SetPoints, Targets, Topic, VoteFields, WorldCommands, WorldStates,
+    DriverStates, JointStates, LearnerStates, SetPoints, Targets, Topic, VoteFields, WorldCommands,
+    WorldStates,
 };
 use pursuit_recording::{Entry, RecordingError, Sample, Writer};
 use pursuit_runtime::clock::monotonic_ns;
@@ -174,6 +175,8 @@ struct Inputs {
     learner: Subscriber<LearnerStates>,
     worlds: Subscriber<WorldStates>,
     commands: Subscriber<WorldCommands>,
+    /// Not waited for: what happens to the arm comes with the readings.
+    driver: Reader<DriverStates>,
 }
 
 impl Inputs {
@@ -187,6 +190,7 @@ impl Inputs {
             learner: bus.subscriber(LearnerStates)?,
             worlds: bus.subscriber(WorldStates)?,
             commands: bus.subscriber(WorldCommands)?,
+            driver: bus.reader(DriverStates)?,
         })
     }
 
@@ -215,7 +219,11 @@ impl Inputs {
         drain(&self.points, tap, |point| Sample::SetPoint(*point))?;
         drain(&self.learner, tap, |state| Sample::Learner(Box::new(*state)))?;
         drain(&self.worlds, tap, |world| Sample::World(Box::new(*world)))?;
-        drain(&self.commands, tap, |command| Sample::Command(Box::new(*command)))
+        drain(&self.commands, tap, |command| Sample::Command(Box::new(*command)))?;
+        while let Some(message) = self.driver.receive()? {
+            tap.take(message.stamp(), Sample::Driver(*message.payload()));
+        }
+        Ok(())
     }
 }
 

@@ -62,8 +62,8 @@ struct Saved<L> {
 /// [`ServiceError`] for a wrong config, a bus or a file that fails.
 pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let config = station.config(Config::read)?;
-    let mut refitter =
-        Refitter::start().map_err(|e| ServiceError::Other(format!("no thread for refits: {e}")))?;
+    let mut refitter = Refitter::start(config.run.clock)
+        .map_err(|e| ServiceError::Other(format!("no thread for refits: {e}")))?;
     let states = station.bus.publisher(LearnerStates)?;
     let set_points = station.bus.publisher(SetPoints)?;
     let targets = station.bus.subscriber(Targets)?;

@@ -4,6 +4,8 @@ use crate::step::Learner;
 use pursuit_learning::{RefitJob, RefitResult, refit};
 use pursuit_runtime::ServiceError;
 use pursuit_runtime::clock::monotonic_ns;
+use pursuit_runtime::process::give_way;
+use pursuit_runtime::settings::Clock;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::time::Duration;
 
@@ -20,14 +22,18 @@ pub struct Refitter {
 }
 
 impl Refitter {
-    /// Starts the thread.
+    /// Starts the thread. On the wall clock it gives way to whoever wants the core: a frame must not wait for it.
+    /// In lock-step everything waits for it.
     ///
     /// # Errors
     /// Where the system has no thread to give.
-    pub fn start() -> std::io::Result<Refitter> {
+    pub fn start(clock: Clock) -> std::io::Result<Refitter> {
         let (jobs, job_queue) = sync_channel::<RefitJob>(1);
         let (result_queue, results) = sync_channel(1);
         std::thread::Builder::new().name("refit".to_owned()).spawn(move || {
+            if clock == Clock::Wall {
+                give_way();
+            }
             while let Ok(job) = job_queue.recv() {
                 let begin = monotonic_ns();
                 let result = refit(&job, || true);

@@ -245,9 +245,12 @@ async fn supervise(
         match keep_watch(plan, &post, &mut control, children, stops, watch).await {
             Ok(Watch::Ended(ended)) => break Ok(ended),
             Ok(Watch::Torn) => {
-                stop_all(children, stops).await;
+                let goes_on = stop_all(children, stops).await;
                 drop(post);
                 instance.wipe();
+                if !goes_on {
+                    break Ok(Ended::Stopped);
+                }
                 children.begin_again();
             }
             Err(error) => break Err(error),
@@ -357,15 +360,17 @@ impl Stops {
 }
 
 /// SIGTERM to the arm driver, and when the arm is at rest to all others; then SIGKILL to who is still there. A
-/// second signal kills at once.
-async fn stop_all(children: &mut Children, stops: &mut Stops) {
+/// signal meanwhile kills at once; whether none came.
+async fn stop_all(children: &mut Children, stops: &mut Stops) -> bool {
     let moves_the_arm = |service| service == Service::ArmDriver;
     children.stop(moves_the_arm);
-    if ended_within(children, stops, REST_LIMIT_NS, moves_the_arm).await {
+    let mut goes_on = ended_within(children, stops, REST_LIMIT_NS, moves_the_arm).await;
+    if goes_on {
         children.stop(|_| true);
-        ended_within(children, stops, END_LIMIT_NS, |_| true).await;
+        goes_on = ended_within(children, stops, END_LIMIT_NS, |_| true).await;
     }
     children.kill_all();
+    goes_on
 }
 
 /// Waits until those have ended that `which` holds for; `false` where a signal came.

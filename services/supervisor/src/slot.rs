@@ -49,6 +49,8 @@ pub struct Slot {
     start_at_ns: Option<u64>,
     /// Asked to end; it is killed at this time.
     kill_at_ns: Option<u64>,
+    /// One that nobody knew of is in its place; it is killed at this time.
+    room_by_ns: Option<u64>,
     /// Why we killed it.
     killed_for: Option<&'static str>,
     last_end: Option<String>,
@@ -75,6 +77,7 @@ impl Slot {
             started_ns: now_ns,
             start_at_ns: Some(now_ns),
             kill_at_ns: None,
+            room_by_ns: None,
             killed_for: None,
             last_end: None,
             history: History::default(),
@@ -126,13 +129,12 @@ impl Slot {
         let lock = self.directory.join(place::service_lock(self.service.name()));
         let own = self.process.as_ref().map(|process| *process.identity());
         let Some(other) = place::holder(&lock).filter(|holder| Some(*holder) != own) else { return };
-        if self.kill_at_ns.is_none() {
+        let limit_ns = *self.room_by_ns.get_or_insert_with(|| {
             tracing::warn!(service = self.service.name(), pid = other.pid, "ending one that nobody knew of");
-            self.kill_at_ns = Some(now_ns + STOP_LIMIT_NS);
-        }
+            now_ns + STOP_LIMIT_NS
+        });
         if let Ok(process) = Process::adopt(other) {
-            let late = self.kill_at_ns.is_some_and(|at| now_ns >= at);
-            process.signal(if late { Signal::KILL } else { Signal::TERM });
+            process.signal(if now_ns >= limit_ns { Signal::KILL } else { Signal::TERM });
         }
     }
 
@@ -281,6 +283,7 @@ impl Slot {
         self.started_ns = started_ns;
         self.state = State::Starting;
         self.adopted = false;
+        self.room_by_ns = None;
         self.health = None;
         self.pulse = Pulse::beat(started_ns);
     }

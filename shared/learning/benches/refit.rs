@@ -154,6 +154,8 @@ fn print_side_by_side() {
     let busy = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
     let (told, thread_job) = (std::sync::Arc::clone(&busy), job.clone());
     let thread = std::thread::spawn(move || {
+        // As the learner's does on the wall clock.
+        let _ = rustix::process::nice(19);
         while let Ok(true) = blocks.recv() {
             while told.load(std::sync::atomic::Ordering::Relaxed) {
                 let begin = Instant::now();

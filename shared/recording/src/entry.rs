@@ -1,7 +1,9 @@
 //! One message of a recording.
 
 use pursuit_messages::topics::{self, Topic as _};
-use pursuit_messages::{Joints, LearnerState, SetPoint, Stamp, Target, Votes, WorldCommand, WorldState};
+use pursuit_messages::{
+    DriverState, Joints, LearnerState, SetPoint, Stamp, Target, Votes, WorldCommand, WorldState,
+};
 
 /// A message as it was on the bus, and when it was taken from it.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +35,8 @@ pub enum Sample {
     World(Box<WorldState>),
     /// Topic WORLD_COMMAND.
     Command(Box<WorldCommand>),
+    /// Topic DRIVER_STATE.
+    Driver(DriverState),
 }
 
 /// The topics of a recording that hold exact payloads; frames are an image topic.
@@ -52,11 +56,13 @@ pub enum Topic {
     World,
     /// WORLD_COMMAND.
     Command,
+    /// DRIVER_STATE.
+    Driver,
 }
 
 impl Topic {
     /// All of them.
-    pub const ALL: [Topic; 7] = [
+    pub const ALL: [Topic; 8] = [
         Topic::Votes,
         Topic::Target,
         Topic::Joints,
@@ -64,6 +70,7 @@ impl Topic {
         Topic::Learner,
         Topic::World,
         Topic::Command,
+        Topic::Driver,
     ];
 
     /// Name on the bus, with its version.
@@ -76,6 +83,7 @@ impl Topic {
             Topic::Learner => topics::LearnerStates::NAME,
             Topic::World => topics::WorldStates::NAME,
             Topic::Command => topics::WorldCommands::NAME,
+            Topic::Driver => topics::DriverStates::NAME,
         }
     }
 

@@ -43,6 +43,7 @@ fn entries(frames: u64) -> Vec<Entry> {
             Sample::SetPoint(SetPoint { follow: 1, ..SetPoint::default() }),
             Sample::Learner(Box::new(LearnerState { loss: 0.5, ..LearnerState::default() })),
             Sample::Command(Box::default()),
+            Sample::Driver(DriverState { state: 2, answered: 7, ..DriverState::default() }),
         ];
         all.extend(samples.map(|sample| Entry { log_ns, stamp, sample }));
     }

@@ -5,7 +5,7 @@ use pursuit_messages::Detection;
 use std::fmt::Write as _;
 
 /// The topics with numbers.
-pub const NAMES: [&str; 4] = ["target", "joints", "setpoint", "learner"];
+pub const NAMES: [&str; 5] = ["target", "joints", "setpoint", "learner", "arm"];
 
 /// A JSON schema that Foxglove takes; the fields are in the messages themselves.
 pub const SCHEMA: &[u8] = b"{\"type\":\"object\"}";
@@ -48,6 +48,13 @@ pub fn numbers(sample: &Sample, out: &mut String) -> Option<usize> {
             field("lead_ms", state.lead_ns as f64 * 1e-6, out);
             field("changes", f64::from(state.changes), out);
             3
+        }
+        Sample::Driver(state) => {
+            field("state", f64::from(state.state), out);
+            field("cause", f64::from(state.cause), out);
+            field("at_rest", f64::from(state.at_rest), out);
+            field("refusal", f64::from(state.refusal), out);
+            4
         }
         _ => return None,
     };

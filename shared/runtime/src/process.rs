@@ -79,6 +79,13 @@ pub struct Activity {
     pub turns: u64,
 }
 
+/// From now on this thread gives way to every other one: for work at idle time (nice 19; on Linux of the thread that
+/// asks alone).
+pub fn give_way() {
+    // Who may not be nicer goes on as it is.
+    let _ = rustix::process::nice(19);
+}
+
 /// Fields of /proc/PID/stat are counted from the one after the name.
 const START: usize = 19;
 

@@ -64,7 +64,7 @@ impl Held {
     pub fn take(directory: &Path) -> Result<Held, HeldError> {
         let name = || directory.display().to_string();
         let path = directory.join(place::LOCK);
-        let lock = open(&path).map_err(|cause| HeldError::Io { directory: name(), cause })?;
+        let lock = place::open_lock(&path).map_err(|cause| HeldError::Io { directory: name(), cause })?;
         if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
             let pid = place::holder(&path).map_or("unknown".to_owned(), |holder| holder.pid.to_string());
             return Err(HeldError::Held { directory: name(), pid });
@@ -77,7 +77,8 @@ impl Held {
     /// # Errors
     /// [`HeldError::FormerRun`].
     pub fn sweep(&self, lease: Duration) -> Result<Sweeping, HeldError> {
-        let services = open(&self.directory.join(SERVICES_LOCK)).map_err(|cause| self.io(cause))?;
+        let services =
+            place::open_lock(&self.directory.join(SERVICES_LOCK)).map_err(|cause| self.io(cause))?;
         let limit = Instant::now() + lease + FORMER_RUN_LIMIT;
         while flock(&services, FlockOperation::NonBlockingLockExclusive).is_err() {
             if Instant::now() > limit {
@@ -121,8 +122,4 @@ pub fn is_held(directory: &Path) -> bool {
 pub fn is_running(directory: &Path) -> bool {
     let lives = |service: Service| place::holder(&directory.join(place::service_lock(service.name())));
     is_held(directory) || Service::ALL.into_iter().any(|service| lives(service).is_some())
-}
-
-fn open(path: &Path) -> std::io::Result<File> {
-    File::options().read(true).write(true).create(true).truncate(false).open(path)
 }

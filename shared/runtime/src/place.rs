@@ -1,6 +1,7 @@
 //! Where an instance lives: names of the files in its run-time directory.
 
 use crate::process::Identity;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Instance name of `config/sim.toml`, and of the command line where none is given.
@@ -47,6 +48,14 @@ pub const SERVICES_LOCK: &str = "services.lock";
 /// Locked by the process that is the service now; says which one that is.
 pub fn service_lock(service: &str) -> String {
     format!("{service}.lock")
+}
+
+/// Opens a lock file of the run-time directory, which is made where it is missing.
+///
+/// # Errors
+/// The file system's reason.
+pub fn open_lock(path: &Path) -> std::io::Result<File> {
+    File::options().read(true).write(true).create(true).truncate(false).open(path)
 }
 
 /// The process that a lock file names, if it lives. Nothing is locked to find out.

@@ -146,7 +146,7 @@ impl Station {
         let path = self.directory.join(place::service_lock(self.service.name()));
         let cannot =
             |cause: std::io::Error| ServiceError::Other(format!("cannot lock {}: {cause}", path.display()));
-        let mut file = open_lock(&path).map_err(cannot)?;
+        let mut file = place::open_lock(&path).map_err(cannot)?;
         let begin = monotonic_ns();
         while let Err(error) = flock(&file, FlockOperation::NonBlockingLockExclusive) {
             if error != rustix::io::Errno::WOULDBLOCK {
@@ -255,11 +255,7 @@ fn share_services_lock(directory: &Path) -> Result<File, ServiceError> {
     let path = directory.join(place::SERVICES_LOCK);
     let cannot =
         |cause: std::io::Error| ServiceError::Other(format!("cannot lock {}: {cause}", path.display()));
-    let file = open_lock(&path).map_err(cannot)?;
+    let file = place::open_lock(&path).map_err(cannot)?;
     flock(&file, FlockOperation::LockShared).map_err(|e| cannot(e.into()))?;
     Ok(file)
-}
-
-fn open_lock(path: &Path) -> std::io::Result<File> {
-    File::options().read(true).write(true).create(true).truncate(false).open(path)
 }

@@ -155,7 +155,9 @@ fn print_side_by_side() {
     let (told, thread_job) = (std::sync::Arc::clone(&busy), job.clone());
     let thread = std::thread::spawn(move || {
         // As the learner's does on the wall clock.
-        let _ = rustix::process::nice(19);
+        use thread_priority::*;
+        let idle = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
+        set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, idle).unwrap();
         while let Ok(true) = blocks.recv() {
             while told.load(std::sync::atomic::Ordering::Relaxed) {
                 let begin = Instant::now();

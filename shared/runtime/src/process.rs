@@ -79,11 +79,15 @@ pub struct Activity {
     pub turns: u64,
 }
 
-/// From now on this thread gives way to every other one: for work at idle time (nice 19; on Linux of the thread that
-/// asks alone).
+/// From now on this thread gives way to every other one at once: for work at idle time (SCHED_IDLE, sched(7)).
 pub fn give_way() {
-    // Who may not be nicer goes on as it is.
-    let _ = rustix::process::nice(19);
+    use thread_priority::{
+        NormalThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy, set_thread_priority_and_policy,
+        thread_native_id,
+    };
+    let idle = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
+    // Who may not goes on as it is.
+    let _ = set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, idle);
 }
 
 /// Fields of /proc/PID/stat are counted from the one after the name.

@@ -8,6 +8,7 @@ use pursuit_runtime::{exit, place};
 use pursuit_supervisor::instance::{is_held, is_running};
 use rustix::process::{Resource, getrlimit};
 use serde::Serialize;
+use std::io::{ErrorKind, Write};
 use std::net::TcpListener;
 use std::path::Path;
 
@@ -65,11 +66,13 @@ pub fn run(options: &Options) -> u8 {
         leftovers(&directory),
     ];
     findings.extend(checked.observer.metrics.map(|address| port(address, is_held(&directory))));
-    if options.json {
-        println!("{}", serde_json::to_string_pretty(&findings).unwrap_or_default());
+    let words = if options.json {
+        serde_json::to_string_pretty(&findings).unwrap_or_default() + "\n"
     } else {
-        findings.iter().for_each(|finding| print!("{}", text(finding)));
-    }
+        findings.iter().map(text).collect()
+    };
+    // Whoever reads may have gone (`| head`): nothing to do about it.
+    let _ = std::io::stdout().write_all(words.as_bytes());
     let worst = findings.iter().map(|finding| finding.grade).max().unwrap_or(Grade::Ok);
     if worst == Grade::Fail { exit::FAILED } else { exit::OK }
 }
@@ -192,19 +195,16 @@ fn leftovers(directory: &Path) -> Finding {
 }
 
 fn port(address: std::net::SocketAddr, is_held: bool) -> Finding {
-    let grade = match TcpListener::bind(address) {
-        Ok(_) => Grade::Ok,
-        Err(_) if is_held => Grade::Ok,
-        Err(_) => Grade::Warn,
+    let (grade, found) = match TcpListener::bind(address) {
+        Ok(_) => (Grade::Ok, format!("{address}")),
+        Err(error) if error.kind() == ErrorKind::AddrInUse && is_held => {
+            (Grade::Ok, format!("{address}, in use"))
+        }
+        Err(error) if error.kind() == ErrorKind::AddrInUse => {
+            (Grade::Warn, format!("{address} is taken by another program"))
+        }
+        Err(error) => (Grade::Warn, format!("{address}: {error}")),
     };
-    let found = match grade {
-        Grade::Ok => format!("{address}"),
-        _ => format!("{address} is taken by another program"),
-    };
-    Finding::new(
-        "live page",
-        grade,
-        found,
-        "there will be none: choose another with --set observer.metrics=127.0.0.1:PORT",
-    )
+    let advice = "there will be none: choose another with --set observer.metrics=127.0.0.1:PORT";
+    Finding::new("live page", grade, found, advice)
 }

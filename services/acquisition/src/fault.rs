@@ -34,11 +34,13 @@ pub enum Fault {
     Black,
     /// It sees only light.
     White,
+    /// Something is before its lens.
+    Covered,
 }
 
 impl Fault {
     /// All, with their words.
-    pub const ALL: [(&'static str, Fault); 9] = [
+    pub const ALL: [(&'static str, Fault); 10] = [
         ("off", Fault::Off),
         ("stuck", Fault::Stuck),
         ("garbage", Fault::Garbage),
@@ -48,6 +50,7 @@ impl Fault {
         ("intermittent", Fault::Intermittent),
         ("black", Fault::Black),
         ("white", Fault::White),
+        ("covered", Fault::Covered),
     ];
 
     /// The one with that word.
@@ -103,22 +106,27 @@ impl Camera for FaultyCamera {
         match self.fault {
             Some(Fault::Stuck) if self.stuck.len() == pixels.len() => pixels.copy_from_slice(&self.stuck),
             Some(Fault::Stuck) => self.stuck = pixels.to_vec(),
-            Some(Fault::Garbage) => {
-                let mut noise = exposure.frame;
-                for pixel in pixels.iter_mut() {
-                    noise = scrambled(noise);
-                    *pixel = noise as u8;
-                }
-            }
+            Some(Fault::Garbage) => noise(pixels, exposure.frame, 0, u8::MAX),
             Some(Fault::Wrong) => pixels.reverse(),
-            Some(Fault::Black) => pixels.fill(0),
-            Some(Fault::White) => pixels.fill(255),
+            // The sensor's noise stays: such a camera does not repeat itself.
+            Some(Fault::Black) => noise(pixels, exposure.frame, 0, 3),
+            Some(Fault::White) => noise(pixels, exposure.frame, 252, 3),
+            Some(Fault::Covered) => noise(pixels, exposure.frame, 60, 3),
             _ => {}
         }
         if self.fault != Some(Fault::Stuck) {
             self.stuck.clear();
         }
         Ok(())
+    }
+}
+
+/// Grey levels from `least` on, over those that `mask` lets through; others in each frame.
+fn noise(pixels: &mut [u8], frame: u64, least: u8, mask: u8) {
+    let mut state = frame;
+    for pixel in pixels.iter_mut() {
+        state = scrambled(state);
+        *pixel = least + (state as u8 & mask);
     }
 }
 

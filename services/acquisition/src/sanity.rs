@@ -14,6 +14,8 @@ const DARK: f64 = 6.0;
 const BRIGHT: f64 = 249.0;
 /// A standard deviation of grey levels below this is noise, no texture.
 const FLAT: f64 = 4.0;
+/// An image that came again once may be a slow camera's accident.
+const TWICE: u32 = 2;
 /// Lack of light or texture is told when it lasts so long, ns.
 const LASTS_NS: u64 = 300_000_000;
 
@@ -22,8 +24,8 @@ const LASTS_NS: u64 = 300_000_000;
 pub struct Sanity {
     /// The same image for so long is a stuck camera, ns; 0: never.
     frozen_ns: u64,
-    /// Checksum of the last image, and since when it is the same, ns.
-    last: Option<(u32, u64)>,
+    /// Checksum of the last image, since when it is the same, ns, and how often it came again.
+    last: Option<(u32, u64, u32)>,
     /// What the images have lacked, and since when, ns.
     lacks: Option<(Lack, u64)>,
 }
@@ -53,10 +55,13 @@ impl Sanity {
             return false;
         }
         let sum = crc32fast::hash(pixels);
-        match self.last {
-            Some((last, since)) if last == sum => time_ns.saturating_sub(since) >= self.frozen_ns,
+        match &mut self.last {
+            Some((last, since, again)) if *last == sum => {
+                *again = again.saturating_add(1);
+                *again >= TWICE && time_ns.saturating_sub(*since) >= self.frozen_ns
+            }
             _ => {
-                self.last = Some((sum, time_ns));
+                self.last = Some((sum, time_ns, 0));
                 false
             }
         }
@@ -118,6 +123,17 @@ mod tests {
         let (nothing, frozen) = (Lack::Nothing, Lack::Frozen);
         assert_eq!(lacks, [nothing, nothing, nothing, frozen, frozen, frozen, nothing]);
         assert!(said((0..9).map(|_| image(100.0, 40.0, 3)), 0).iter().all(|lack| *lack == nothing));
+    }
+
+    #[test]
+    fn one_repeated_image_of_a_slow_camera_is_no_stuck_one() {
+        let mut sanity = Sanity::new(100 * MS);
+        let slow = |number: u64| number * 500 * MS;
+        let lacks = [3, 3, 4, 4, 4].into_iter().zip(0..);
+        let said: Vec<Lack> =
+            lacks.map(|(image_of, at)| sanity.look(&image(100.0, 40.0, image_of), WIDTH, slow(at))).collect();
+        assert_eq!(said[..4], [Lack::Nothing; 4]);
+        assert_eq!(said[4], Lack::Frozen);
     }
 
     #[test]

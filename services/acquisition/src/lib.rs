@@ -3,10 +3,13 @@
 //! A frame's way: the camera says that one is due → a sample is loaned from the bus → the camera writes
 //! its pixels into it → a look at whether it is an image of now ([`sanity`]) → FRAMES.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 pub mod camera;
 pub mod config;
 pub mod fault;
 mod files;
+mod kept;
 mod recorded;
 pub mod sanity;
 mod simulated;
@@ -33,7 +36,10 @@ pub fn run(mut station: Station) -> Result<(), ServiceError> {
     let shape = config.camera.shape();
     let frames = station.bus.frame_publisher(shape.bytes())?;
     let mut camera: Box<dyn Camera> = match &config.source {
-        Source::Simulated(scene) => Box::new(SimulatedCamera::new(&station.bus, scene, config.run.clock)?),
+        Source::Simulated(scene) => {
+            let kept = station.directory().join(place::TEXTURES);
+            Box::new(SimulatedCamera::new(&station.bus, scene, config.run.clock, &kept)?)
+        }
         Source::Files(files) => Box::new(FileCamera::new(files, &config.camera)),
         Source::Recorded(recorded) => Box::new(RecordedCamera::new(recorded, shape)),
     };

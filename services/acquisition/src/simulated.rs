@@ -1,11 +1,13 @@
 //! The simulated camera: renders what WORLD_STATE says that there is to see.
 
 use crate::camera::{Camera, CameraError, Exposure};
+use crate::kept::textures;
 use pursuit_bus::{Bus, BusError, Subscriber, wait};
 use pursuit_messages::topics::WorldStates;
 use pursuit_messages::{SceneKind, WorldState};
 use pursuit_runtime::settings::Clock;
 use pursuit_scene::{Glare, Kind, Scene, SceneParameters, View};
+use std::path::Path;
 use std::time::Duration;
 
 /// Renders the world's frames. In lock-step every exposure is rendered, also one that is asked for again;
@@ -18,13 +20,19 @@ pub struct SimulatedCamera {
 }
 
 impl SimulatedCamera {
-    /// A camera on the bus; generates its textures.
+    /// A camera on the bus; its scene's textures are kept in the file `kept`.
     ///
     /// # Errors
     /// [`BusError`].
-    pub fn new(bus: &Bus, scene: &SceneParameters, clock: Clock) -> Result<SimulatedCamera, BusError> {
+    pub fn new(
+        bus: &Bus,
+        scene: &SceneParameters,
+        clock: Clock,
+        kept: &Path,
+    ) -> Result<SimulatedCamera, BusError> {
         let worlds = bus.subscriber(WorldStates)?;
-        Ok(SimulatedCamera { scene: Scene::new(scene), worlds, clock, due: None })
+        let scene = Scene::with_textures(scene, textures(kept, scene));
+        Ok(SimulatedCamera { scene, worlds, clock, due: None })
     }
 
     fn next(&mut self) -> Result<Option<Exposure>, CameraError> {

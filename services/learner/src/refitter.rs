@@ -6,11 +6,17 @@ use pursuit_runtime::ServiceError;
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::process::give_way;
 use pursuit_runtime::settings::Clock;
+use std::cell::Cell;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::time::Duration;
 
 /// In lock-step a result is waited for this long; a refit takes some milliseconds.
 const PATIENCE: Duration = Duration::from_secs(10);
+
+/// On the wall clock the thread computes so long in one go, ns: nobody waits longer for its core.
+const SPELL_NS: u64 = 40_000;
+/// Then it rests so long (the kernel makes it twice as much).
+const PAUSE: Duration = Duration::from_micros(50);
 
 /// Owns the thread. It ends when this is dropped.
 pub struct Refitter {
@@ -22,7 +28,7 @@ pub struct Refitter {
 }
 
 impl Refitter {
-    /// Starts the thread. On the wall clock it gives way to whoever wants the core: a frame must not wait for it.
+    /// Starts the thread. On the wall clock it works in short spells: a frame must not wait for it.
     /// In lock-step everything waits for it.
     ///
     /// # Errors
@@ -36,7 +42,14 @@ impl Refitter {
             }
             while let Ok(job) = job_queue.recv() {
                 let begin = monotonic_ns();
-                let result = refit(&job, || true);
+                let spell = Cell::new(begin);
+                let result = refit(&job, || {
+                    if clock == Clock::Wall && monotonic_ns() - spell.get() >= SPELL_NS {
+                        std::thread::sleep(PAUSE);
+                        spell.set(monotonic_ns());
+                    }
+                    true
+                });
                 if result_queue.send((result, monotonic_ns() - begin)).is_err() {
                     return;
                 }

@@ -5,18 +5,17 @@ pub use pursuit_runtime::exit::DO_NOT_RESTART;
 
 /// Delay before the second restart in a row, ns; the first comes at once, each further one takes twice as long.
 const FIRST_DELAY_NS: f64 = 100e6;
-/// No delay is longer, ns, but for its jitter.
-const MAX_DELAY_NS: f64 = 10e9;
 /// Delays are longer by up to this share, so that what died together does not start together.
 const JITTER: f64 = 0.25;
-/// So much life makes one death forgotten, ns.
-const FORGIVEN_NS: f64 = 5e9;
-/// From so many deaths on that are not forgotten there is a delay.
-const FREE_DEATHS: f64 = 1.9;
 /// So many deaths within [`WINDOW_NS`], and the service is given up.
 pub const INTENSITY: usize = 5;
 /// See [`INTENSITY`].
 pub const WINDOW_NS: u64 = 10_000_000_000;
+/// So much life makes one death forgotten, ns: who dies more rarely than this is started at once every time, who dies
+/// more often waits longer and longer, and is given up.
+const FORGIVEN_NS: f64 = (WINDOW_NS / (INTENSITY as u64 - 1)) as f64;
+/// From so many deaths on that are not forgotten there is a delay.
+const FREE_DEATHS: f64 = 1.9;
 
 /// What to do about a service that ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +48,7 @@ impl History {
         if self.unforgotten < FREE_DEATHS {
             return Decision::StartAt(now_ns);
         }
-        let delay_ns = (FIRST_DELAY_NS * (self.unforgotten - 2.0).exp2()).min(MAX_DELAY_NS);
+        let delay_ns = FIRST_DELAY_NS * (self.unforgotten - 2.0).exp2();
         Decision::StartAt(now_ns + (delay_ns * (1.0 + JITTER * jitter)) as u64)
     }
 }
@@ -81,17 +80,11 @@ mod tests {
     }
 
     #[test]
-    fn who_dies_slowly_is_not_given_up_but_waited_for() {
-        let (starts, given_up) = starts(3_000_000_000, 1_000_000_000_000);
-        assert!(!given_up);
-        let last = starts[starts.len() - 1] - starts[starts.len() - 2];
-        assert_eq!(last, 13_000_000_000, "3 s of life, 10 s of delay");
-    }
-
-    #[test]
-    fn a_healthy_time_is_a_new_life() {
-        let (starts, given_up) = starts(20_000_000_000, 1_000_000_000_000);
-        assert!(!given_up && starts.windows(2).all(|pair| pair[1] - pair[0] == 20_000_000_000));
+    fn who_dies_more_rarely_than_the_intensity_is_started_at_once_for_ever() {
+        let (always, given_up) = starts(2_500_000_000, 1_000_000_000_000);
+        assert!(!given_up && always.windows(2).all(|pair| pair[1] - pair[0] == 2_500_000_000));
+        let (_, given_up) = starts(2_400_000_000, 1_000_000_000_000);
+        assert!(given_up);
     }
 
     proptest! {
@@ -120,7 +113,7 @@ mod tests {
             for life in lives {
                 let died = now + life;
                 let Decision::StartAt(at) = history.died(now, died, 0.0) else { break };
-                prop_assert!(at >= died && at - died >= last && at - died <= MAX_DELAY_NS as u64);
+                prop_assert!(at >= died && at - died >= last);
                 last = at - died;
                 now = at;
             }

@@ -141,6 +141,9 @@ fn print_table() {
 
 /// A refit for each frame at 100 Hz: more than ever are due.
 const PERIOD: std::time::Duration = std::time::Duration::from_millis(10);
+/// The thread computes so long in one go, and then rests so long, as the learner's.
+const SPELL: std::time::Duration = std::time::Duration::from_micros(40);
+const PAUSE: std::time::Duration = std::time::Duration::from_micros(50);
 /// Turns of a loop at 1 kHz in each block, and blocks of each kind.
 const TURNS: u32 = 250;
 const BLOCKS: u32 = 8;
@@ -154,18 +157,28 @@ fn print_side_by_side() {
     let busy = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
     let (told, thread_job) = (std::sync::Arc::clone(&busy), job.clone());
     let thread = std::thread::spawn(move || {
+        let mut spent = Vec::new();
         // As the learner's does on the wall clock.
         use thread_priority::*;
-        let idle = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
-        set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, idle).unwrap();
+        let batch = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Batch);
+        set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, batch).unwrap();
         while let Ok(true) = blocks.recv() {
             while told.load(std::sync::atomic::Ordering::Relaxed) {
                 let begin = Instant::now();
-                black_box(refit(&thread_job, || told.load(std::sync::atomic::Ordering::Relaxed)));
+                let spell = std::cell::Cell::new(begin);
+                black_box(refit(&thread_job, || {
+                    if spell.get().elapsed() >= SPELL {
+                        std::thread::sleep(PAUSE);
+                        spell.set(Instant::now());
+                    }
+                    told.load(std::sync::atomic::Ordering::Relaxed)
+                }));
+                spent.push(begin.elapsed().as_secs_f64() * 1e3);
                 std::thread::sleep(PERIOD.saturating_sub(begin.elapsed()));
             }
             ends.send(()).unwrap();
         }
+        spent
     });
     let sample = &job.samples[..1];
     let mut gradient = [0.0; WEIGHTS];
@@ -190,7 +203,13 @@ fn print_side_by_side() {
         }
     }
     drop(starts);
-    thread.join().unwrap();
+    let mut spent = thread.join().unwrap();
+    spent.sort_by(f64::total_cmp);
+    println!(
+        "\nA refit of {} iterations beside the loop: median {:.2} ms",
+        job.iterations,
+        spent[spent.len() / 2]
+    );
     println!(
         "\nA turn of a loop at 1 kHz, from due to done, {} turns each, in alternation, us:",
         times[0].len()

@@ -31,6 +31,8 @@ pub const TOKEN: &str = "page.token";
 pub const OBSERVER: &str = "observer.address";
 /// What the camera shall have, for tests (`acquisition.faults`).
 pub const CAMERA_FAULT: &str = "camera.fault";
+/// What the simulated scene is painted with, for the camera's next process.
+pub const TEXTURES: &str = "textures";
 /// One line per frame of the simulated run.
 pub const JOURNAL: &str = "journal.csv";
 /// One line per training move: what the network was after it.

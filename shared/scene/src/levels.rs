@@ -48,11 +48,8 @@ impl Levels {
         let mut image = base.blurred(prefilter_texels, 1);
         let mut levels = Vec::with_capacity(LEVELS);
         for k in 0..LEVELS {
-            levels.push(Level {
-                side: image.side,
-                texel_m: texel_m * f64::from(1u32 << k),
-                quads: quads(&image),
-            });
+            let grey: Vec<u8> = image.grey.iter().map(|&g| ((g + ROUNDING).to_bits() & 255) as u8).collect();
+            levels.push(Level::new(image.side, texel_m * f64::from(1u32 << k), &grey));
             if k + 1 < LEVELS {
                 // from c to 2c texels of blur, then every second texel
                 let finer = Plane { side: image.side, grey: &image.grey };
@@ -60,6 +57,26 @@ impl Levels {
             }
         }
         Self { levels, base_sigma_m: prefilter_texels * texel_m }
+    }
+
+    /// How many grey levels [`Levels::grey`] gives for a texture of `side` texels per side.
+    pub(crate) fn grey_len(side: usize) -> usize {
+        (0..LEVELS).map(|k| (side >> k) * (side >> k)).sum()
+    }
+
+    /// The grey levels of all levels, finest first: what [`Levels::from_grey`] makes the same levels of.
+    pub(crate) fn grey(&self) -> impl Iterator<Item = u8> {
+        self.levels.iter().flat_map(|level| level.quads.iter().map(|quad| quad.to_le_bytes()[0]))
+    }
+
+    /// The levels that gave `grey`, [`Levels::grey_len`] grey levels, for a texture of `side` texels per side.
+    pub(crate) fn from_grey(side: usize, mut grey: &[u8], texel_m: f64, prefilter_texels: f64) -> Self {
+        let levels = (0..LEVELS).map(|k| {
+            let (level, coarser) = grey.split_at((side >> k) * (side >> k));
+            grey = coarser;
+            Level::new(side >> k, texel_m * f64::from(1u32 << k), level)
+        });
+        Self { levels: levels.collect(), base_sigma_m: prefilter_texels * texel_m }
     }
 
     /// The level for a pixel's footprint of `footprint_m` metres. A function of the footprint alone, so that
@@ -115,25 +132,21 @@ impl<G: Copy + Into<f32>> Plane<&Vec<G>> {
     }
 }
 
-/// The level's texels, rounded, and packed for the look-up.
-fn quads(image: &Plane<Vec<f32>>) -> Vec<u32> {
-    let side = image.side;
-    let mut quads = vec![0; side * side];
-    // first the pair of neighbours in each row, then the pair below beside it
-    for (quads, grey) in quads.chunks_exact_mut(side).zip(image.grey.chunks_exact(side)) {
-        let byte = |g: f32| (g + ROUNDING).to_bits() & 255;
-        for (quad, pair) in quads.iter_mut().zip(grey.windows(2)) {
-            *quad = byte(pair[0]) | byte(pair[1]) << 8;
+impl Level {
+    /// Packs the rows of `grey` levels, `side` of `side`, for the look-up.
+    fn new(side: usize, texel_m: f64, grey: &[u8]) -> Level {
+        let mut quads = vec![0; side * side];
+        let row = |y: usize| &grey[(y & (side - 1)) * side..][..side];
+        for (y, quads) in quads.chunks_exact_mut(side).enumerate() {
+            let (upper, lower) = (row(y), row(y + 1));
+            for ((quad, above), below) in quads.iter_mut().zip(upper.windows(2)).zip(lower.windows(2)) {
+                *quad = u32::from_le_bytes([above[0], above[1], below[0], below[1]]);
+            }
+            let last = side - 1;
+            quads[last] = u32::from_le_bytes([upper[last], upper[0], lower[last], lower[0]]);
         }
-        quads[side - 1] = byte(grey[side - 1]) | byte(grey[0]) << 8;
+        Level { side, texel_m, quads }
     }
-    let first: Vec<u32> = quads[..side].to_vec();
-    for y in 0..side {
-        let (upper, lower) = quads[y * side..].split_at_mut(side);
-        let lower = if y + 1 < side { &lower[..side] } else { &first };
-        upper.iter_mut().zip(lower).for_each(|(quad, below)| *quad |= (below & 0xffff) << 16);
-    }
-    quads
 }
 
 fn gaussian_kernel(sigma: f64) -> Vec<f32> {

@@ -24,6 +24,7 @@ mod scene;
 pub mod sequences;
 mod solid;
 mod texture;
+mod textures;
 mod view;
 mod warp;
 
@@ -32,4 +33,5 @@ pub use parameters::{
     REFERENCE_TEXEL_M, SceneParameters, TEXEL_M, TEXTURE_TEXELS, VEHICLE_SIZE_M,
 };
 pub use scene::Scene;
+pub use textures::Textures;
 pub use view::{Glare, Kind, View, ViewError};

@@ -1,13 +1,13 @@
 //! The scene: textures once, then a frame per call.
 
 use crate::coverage::Coverage;
-use crate::levels::Levels;
 use crate::mapping::{Homography, TexturedPlane};
 use crate::parameters::{Lighting, ParameterError, SceneParameters};
 use crate::photometry::Photometry;
 use crate::random::Random;
 use crate::solid::{disc_outline, image_disc, vehicle_faces};
-use crate::texture::{self, LEAF_MEAN, SMALLEST_TORUS_M};
+use crate::texture::LEAF_MEAN;
+use crate::textures::Textures;
 use crate::view::{Camera, Kind, View, ViewError};
 use crate::warp::RowScratch;
 
@@ -19,21 +19,13 @@ const GLARE: f32 = 255.0;
 const VOID: f32 = LEAF_MEAN as f32;
 /// A camera outside a box sees at most three of its faces.
 const MAX_SURFACES: usize = 3;
-/// The cloth's texture repeats after this many texels, at most.
-const CLOTH_TEXELS: usize = 1024;
-
-/// Streams of the seed.
-const TABLE_STREAM: u64 = 1;
-const VEHICLE_STREAM: u64 = 2;
-const CLOTH_STREAM: u64 = 3;
+/// Stream of the seed; those before it are the textures'.
 const NOISE_STREAM: u64 = 4;
 
 /// Table, cloth, vehicle and disc, and the camera's sensor. Rendering allocates nothing.
 pub struct Scene {
     parameters: SceneParameters,
-    table: Levels,
-    vehicle: Levels,
-    cloth: Levels,
+    textures: Textures,
     photometry: Photometry,
     coverage: [Coverage; MAX_SURFACES],
     glare: Coverage,
@@ -51,26 +43,27 @@ enum Surface {
 }
 
 impl Scene {
-    /// Paints and filters the textures: the work of some tenths of a second.
+    /// Paints and filters the textures, the work of a tenth of a second, and sets up the scene.
     ///
     /// # Panics
     /// If the parameters do not pass [`SceneParameters::check`].
     pub fn new(parameters: &SceneParameters) -> Scene {
+        Scene::with_textures(parameters, Textures::paint(parameters))
+    }
+
+    /// A scene of textures that were painted before, for the same parameters.
+    ///
+    /// # Panics
+    /// If the parameters do not pass [`SceneParameters::check`].
+    pub fn with_textures(parameters: &SceneParameters, textures: Textures) -> Scene {
         if let Err(error) = parameters.check() {
             panic!("scene parameters must be checked before use: {error}");
         }
-        let SceneParameters { seed, texel_m, contrast_sd, .. } = *parameters;
         let frame = [parameters.width, parameters.height];
-        let prefilter = parameters.profile.prefilter_texels();
-        let levels = |torus| Levels::new(&torus, texel_m, prefilter);
-        let camouflage =
-            |side, stream| levels(texture::camouflage(side, texel_m, contrast_sd, Random::new(seed, stream)));
-        let cloth_side = CLOTH_TEXELS.min(parameters.texture_texels);
+        let noise = Random::new(parameters.seed, NOISE_STREAM);
         let mut scene = Scene {
-            table: camouflage(parameters.texture_texels, TABLE_STREAM),
-            vehicle: camouflage(vehicle_texels(parameters), VEHICLE_STREAM),
-            cloth: levels(texture::cloth(cloth_side, texel_m, Random::new(seed, CLOTH_STREAM))),
-            photometry: Photometry::new(frame, parameters.noise_sigma, seed, Random::new(seed, NOISE_STREAM)),
+            textures,
+            photometry: Photometry::new(frame, parameters.noise_sigma, parameters.seed, noise),
             coverage: std::array::from_fn(|_| Coverage::new(frame)),
             glare: Coverage::new(frame),
             scratch: RowScratch::new(parameters.width),
@@ -122,12 +115,12 @@ impl Scene {
         let gain = self.photometry.gain_at(view.time_ns);
         let footprint = |depth: f64| depth.abs() / camera.focal_px;
         let ground = match view.kind {
-            Kind::Blob => &self.cloth,
-            Kind::Vehicle => &self.table,
+            Kind::Blob => &self.textures.cloth,
+            Kind::Vehicle => &self.textures.table,
         };
         let ground_level = ground.choose(footprint(camera.position[2]));
         let roof_level =
-            self.vehicle.choose(footprint(camera.position[2] - self.parameters.vehicle_size_m[2]));
+            self.textures.vehicle.choose(footprint(camera.position[2] - self.parameters.vehicle_size_m[2]));
         let table = Homography::new(&camera, &TexturedPlane::TABLE);
         for (y, line) in pixels.chunks_mut(stride).take(height).enumerate() {
             match &table {
@@ -201,14 +194,6 @@ fn add_surface(shares: &[f32], surface: &[f32], ground: &mut [f32]) {
     for ((g, &share), &s) in ground.iter_mut().zip(shares).zip(surface) {
         *g += share * s;
     }
-}
-
-/// Texels per side for the vehicle: the unfolded box and a margin, a power of two.
-fn vehicle_texels(parameters: &SceneParameters) -> usize {
-    let [length, width, height] = parameters.vehicle_size_m;
-    let unfolded = length.max(width) + 2.0 * height;
-    let least = (1.2 * unfolded).max(1.5 * SMALLEST_TORUS_M) / parameters.texel_m;
-    (least as usize).next_power_of_two()
 }
 
 #[cfg(test)]

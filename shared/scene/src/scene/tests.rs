@@ -40,9 +40,7 @@ fn rms(values: impl Iterator<Item = f64> + Clone) -> f64 {
 /// Error of a frame (grey levels rms) and of the temporal derivative for a quarter of a pixel (share of its rms).
 fn errors(parameters: &SceneParameters) -> (f64, f64) {
     let mut scene = Scene::new(parameters);
-    let random = Random::new(parameters.seed, TABLE_STREAM);
-    let torus =
-        texture::camouflage(parameters.texture_texels, parameters.texel_m, parameters.contrast_sd, random);
+    let torus = Textures::painted_table(parameters);
     let mut frames = [0.0, 0.25].map(|shift| {
         let position = [0.6 + shift * 0.5 / 256.0, 0.05, 0.5];
         let mut view = View::looking_down(position, 0.0, Kind::Vehicle);

@@ -4,15 +4,12 @@
 //! drops messages and counts them. Nothing here can hold up the loop: every topic overflows.
 
 use crate::cli::Record as Options;
-use pursuit_bus::{Bus, BusError, FrameSubscriber, Instance, Reader, Subscriber, wait};
+use pursuit_bus::{Bus, Instance};
 use pursuit_messages::Stamp;
-use pursuit_messages::topics::{
-    DriverStates, JointStates, LearnerStates, SetPoints, Targets, Topic, VoteFields, WorldCommands,
-    WorldStates,
-};
+use pursuit_observer::ears::{Ears, Heard};
 use pursuit_recording::{Entry, RecordingError, Sample, Writer};
 use pursuit_runtime::clock::monotonic_ns;
-use pursuit_runtime::{TICK, exit, place};
+use pursuit_runtime::{exit, place};
 use pursuit_supervisor::instance::is_running;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,6 +19,8 @@ use std::time::Duration;
 
 /// Messages that may wait for the disk.
 const QUEUE: usize = 128;
+/// Between two looks at the bus: a topic keeps some messages, so that nobody need wake the recorder.
+const LOOK: Duration = Duration::from_millis(1);
 /// How often is looked whether the instance still runs, ns.
 const LOOK_NS: u64 = 500_000_000;
 /// Longest wait of the writer for a message: bounds how long a chunk stays open.
@@ -90,7 +89,7 @@ fn record(directory: &Path, file: &Path, seconds: Option<f64>) -> Result<Counts,
     let config = std::fs::read_to_string(directory.join(place::CONFIG)).unwrap_or_default();
     let instance = Instance::at(directory).map_err(|e| e.to_string())?;
     let bus = Bus::join(&instance, "record").map_err(|e| e.to_string())?;
-    let inputs = Inputs::open(&bus).map_err(|e| e.to_string())?;
+    let ears = Ears::open(&bus).map_err(|e| e.to_string())?;
     let writer = Writer::create(file, &config).map_err(|e| e.to_string())?;
     let (queue, waiting) = sync_channel(QUEUE);
     let writing = std::thread::spawn(move || write(writer, &waiting));
@@ -99,7 +98,10 @@ fn record(directory: &Path, file: &Path, seconds: Option<f64>) -> Result<Counts,
     let mut look_ns = monotonic_ns() + LOOK_NS;
     eprintln!("recording into {}; Ctrl-C ends it", file.display());
     while !stop.load(Ordering::Relaxed) && !tap.broken {
-        inputs.drain_into(&mut tap).map_err(|e| e.to_string())?;
+        if ears.listen(|heard| tap.hear(heard)) > 0 {
+            return Err("the bus cannot be read".to_owned());
+        }
+        std::thread::sleep(LOOK);
         let now = monotonic_ns();
         if end_ns.is_some_and(|end| now >= end) {
             break;
@@ -146,6 +148,24 @@ struct Tap {
 }
 
 impl Tap {
+    fn hear(&mut self, heard: Heard<'_>) {
+        match heard {
+            Heard::Frame(frame) => {
+                self.count(frame.stamp());
+                self.take(frame.stamp(), Sample::Frame(frame.pixels().to_vec()));
+            }
+            Heard::Votes(stamp, votes) => self.take(stamp, Sample::Votes(Box::new(*votes))),
+            Heard::Target(stamp, target) => self.take(stamp, Sample::Target(Box::new(*target))),
+            Heard::Joints(stamp, joints) => self.take(stamp, Sample::Joints(*joints)),
+            Heard::SetPoint(stamp, point) => self.take(stamp, Sample::SetPoint(*point)),
+            Heard::Learner(stamp, state) => self.take(stamp, Sample::Learner(Box::new(*state))),
+            Heard::World(stamp, world) => self.take(stamp, Sample::World(Box::new(*world))),
+            Heard::Command(stamp, command) => self.take(stamp, Sample::Command(Box::new(*command))),
+            Heard::Driver(stamp, state) => self.take(stamp, Sample::Driver(*state)),
+            Heard::Health(stamp, health) => self.take(stamp, Sample::Health(*health)),
+        }
+    }
+
     fn take(&mut self, stamp: &Stamp, sample: Sample) {
         let entry = Entry { log_ns: monotonic_ns(), stamp: *stamp, sample };
         match self.queue.try_send(entry) {
@@ -163,81 +183,4 @@ impl Tap {
             self.counts.missed += stamp.frame.saturating_sub(frame + 1);
         }
     }
-}
-
-/// A reader of every topic of the loop.
-struct Inputs {
-    frames: FrameSubscriber,
-    votes: Subscriber<VoteFields>,
-    targets: Subscriber<Targets>,
-    joints: Subscriber<JointStates>,
-    points: Subscriber<SetPoints>,
-    learner: Subscriber<LearnerStates>,
-    worlds: Subscriber<WorldStates>,
-    commands: Subscriber<WorldCommands>,
-    /// Not waited for: what happens to the arm comes with the readings.
-    driver: Reader<DriverStates>,
-}
-
-impl Inputs {
-    fn open(bus: &Bus) -> Result<Inputs, BusError> {
-        Ok(Inputs {
-            frames: bus.frame_subscriber()?,
-            votes: bus.subscriber(VoteFields)?,
-            targets: bus.subscriber(Targets)?,
-            joints: bus.subscriber(JointStates)?,
-            points: bus.subscriber(SetPoints)?,
-            learner: bus.subscriber(LearnerStates)?,
-            worlds: bus.subscriber(WorldStates)?,
-            commands: bus.subscriber(WorldCommands)?,
-            driver: bus.reader(DriverStates)?,
-        })
-    }
-
-    /// Waits for something and takes all there is.
-    fn drain_into(&self, tap: &mut Tap) -> Result<(), BusError> {
-        wait(
-            &[
-                &self.frames,
-                &self.votes,
-                &self.targets,
-                &self.joints,
-                &self.points,
-                &self.learner,
-                &self.worlds,
-                &self.commands,
-            ],
-            TICK,
-        )?;
-        while let Some(frame) = self.frames.receive()? {
-            tap.count(frame.stamp());
-            tap.take(frame.stamp(), Sample::Frame(frame.pixels().to_vec()));
-        }
-        drain(&self.votes, tap, |votes| Sample::Votes(Box::new(*votes)))?;
-        drain(&self.targets, tap, |target| Sample::Target(Box::new(*target)))?;
-        drain(&self.joints, tap, |joints| Sample::Joints(*joints))?;
-        drain(&self.points, tap, |point| Sample::SetPoint(*point))?;
-        drain(&self.learner, tap, |state| Sample::Learner(Box::new(*state)))?;
-        drain(&self.worlds, tap, |world| Sample::World(Box::new(*world)))?;
-        drain(&self.commands, tap, |command| Sample::Command(Box::new(*command)))?;
-        while let Some(message) = self.driver.receive()? {
-            tap.take(message.stamp(), Sample::Driver(*message.payload()));
-        }
-        Ok(())
-    }
-}
-
-fn drain<T>(
-    input: &Subscriber<T>,
-    tap: &mut Tap,
-    sample: impl Fn(&T::Payload) -> Sample,
-) -> Result<(), BusError>
-where
-    T: Topic,
-    T::Payload: pursuit_bus::Payload,
-{
-    while let Some(message) = input.receive()? {
-        tap.take(message.stamp(), sample(message.payload()));
-    }
-    Ok(())
 }

@@ -52,6 +52,7 @@ fn a_recording_holds_every_topic_and_is_closed_on_sigterm() {
         count(|s| matches!(s, Sample::World(_))),
         count(|s| matches!(s, Sample::Command(_))),
         count(|s| matches!(s, Sample::Driver(_))),
+        count(|s| matches!(s, Sample::Health(_))),
     ];
     assert!(counts.iter().all(|count| *count > 2), "{counts:?}");
     let config = Reader::open(&file).expect("a recording").config().map(str::to_owned);

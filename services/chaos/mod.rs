@@ -207,13 +207,13 @@ impl Run {
         // A command is heard before the reading that it was made from.
         let mut commands = Vec::new();
         self.ears.listen(|heard| match heard {
-            Heard::Health(health) => checker.health(health),
+            Heard::Health(_, health) => checker.health(health),
             Heard::World(stamp, world) => {
                 *newest = Some(*stamp);
                 checker.world(stamp, world);
             }
             Heard::Command(stamp, command) => commands.push((*stamp, *command)),
-            Heard::Driver(state) => checker.driver_state(state),
+            Heard::Driver(_, state) => checker.driver_state(state),
             Heard::Learner(_, state) => checker.learner(state),
             _ => {}
         });

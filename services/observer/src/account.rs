@@ -87,7 +87,7 @@ impl Account {
             Heard::SetPoint(stamp, _) => self.passed(3, stamp, 0),
             // A command without a set-point behind it answers no frame.
             Heard::Command(stamp, command) if is_answer(stamp) => self.passed(4, stamp, command.refusal),
-            Heard::Health(health) => self.beat(health),
+            Heard::Health(_, health) => self.beat(health),
             _ => {}
         }
     }

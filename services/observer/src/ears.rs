@@ -45,9 +45,9 @@ pub enum Heard<'a> {
     /// WORLD_COMMAND.
     Command(&'a Stamp, &'a WorldCommand),
     /// DRIVER_STATE; the stamp may be none of a frame.
-    Driver(&'a DriverState),
+    Driver(&'a Stamp, &'a DriverState),
     /// HEALTH; the stamp is none of a frame.
-    Health(&'a Health),
+    Health(&'a Stamp, &'a Health),
 }
 
 impl Ears {
@@ -74,7 +74,7 @@ impl Ears {
     /// first; how often a topic could not be read.
     pub fn listen(&self, mut tell: impl FnMut(Heard<'_>)) -> u64 {
         // First, so that a service that was restarted is known before its first answer.
-        let mut failures = each(&self.healths, |_, health| tell(Heard::Health(health)));
+        let mut failures = each(&self.healths, |stamp, health| tell(Heard::Health(stamp, health)));
         // At most what a topic keeps: a writer faster than this reader does not hold it up here.
         for _ in 0..Frames::QUALITY.buffer {
             match self.frames.receive() {
@@ -88,7 +88,7 @@ impl Ears {
         failures += each(&self.learner, |stamp, state| tell(Heard::Learner(stamp, state)));
         failures += each(&self.set_points, |stamp, set_point| tell(Heard::SetPoint(stamp, set_point)));
         failures += each(&self.commands, |stamp, command| tell(Heard::Command(stamp, command)));
-        failures += each(&self.driver, |_, state| tell(Heard::Driver(state)));
+        failures += each(&self.driver, |stamp, state| tell(Heard::Driver(stamp, state)));
         failures += each(&self.joints, |stamp, joints| tell(Heard::Joints(stamp, joints)));
         failures += each(&self.worlds, |stamp, world| tell(Heard::World(stamp, world)));
         failures

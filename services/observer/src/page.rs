@@ -54,7 +54,7 @@ impl Live {
             Heard::Frame(frame) => self.show(frame),
             Heard::Votes(_, votes) => self.fields = fields(votes),
             Heard::Target(_, target) => self.target = Some(**target),
-            Heard::Driver(state) => self.arm = Some(**state),
+            Heard::Driver(_, state) => self.arm = Some(**state),
             Heard::World(_, world) if world.exposes == 1 => {
                 let [x, y, _] = world.camera_position;
                 if self.way.len() == WAY {

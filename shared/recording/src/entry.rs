@@ -2,7 +2,7 @@
 
 use pursuit_messages::topics::{self, Topic as _};
 use pursuit_messages::{
-    DriverState, Joints, LearnerState, SetPoint, Stamp, Target, Votes, WorldCommand, WorldState,
+    DriverState, Health, Joints, LearnerState, SetPoint, Stamp, Target, Votes, WorldCommand, WorldState,
 };
 
 /// A message as it was on the bus, and when it was taken from it.
@@ -37,6 +37,8 @@ pub enum Sample {
     Command(Box<WorldCommand>),
     /// Topic DRIVER_STATE.
     Driver(DriverState),
+    /// Topic HEALTH.
+    Health(Health),
 }
 
 /// The topics of a recording that hold exact payloads; frames are an image topic.
@@ -58,11 +60,13 @@ pub enum Topic {
     Command,
     /// DRIVER_STATE.
     Driver,
+    /// HEALTH.
+    Health,
 }
 
 impl Topic {
     /// All of them.
-    pub const ALL: [Topic; 8] = [
+    pub const ALL: [Topic; 9] = [
         Topic::Votes,
         Topic::Target,
         Topic::Joints,
@@ -71,6 +75,7 @@ impl Topic {
         Topic::World,
         Topic::Command,
         Topic::Driver,
+        Topic::Health,
     ];
 
     /// Name on the bus, with its version.
@@ -84,6 +89,7 @@ impl Topic {
             Topic::World => topics::WorldStates::NAME,
             Topic::Command => topics::WorldCommands::NAME,
             Topic::Driver => topics::DriverStates::NAME,
+            Topic::Health => topics::Healths::NAME,
         }
     }
 

@@ -44,6 +44,7 @@ fn entries(frames: u64) -> Vec<Entry> {
             Sample::Learner(Box::new(LearnerState { loss: 0.5, ..LearnerState::default() })),
             Sample::Command(Box::default()),
             Sample::Driver(DriverState { state: 2, answered: 7, ..DriverState::default() }),
+            Sample::Health(Health { pid: 77, refused: 3, ..Health::default() }),
         ];
         all.extend(samples.map(|sample| Entry { log_ns, stamp, sample }));
     }

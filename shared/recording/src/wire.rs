@@ -2,8 +2,8 @@
 
 use crate::entry::{Entry, Sample, Topic};
 use pursuit_messages::{
-    Candidate, Detection, DriveCycle, DriverState, ImageShape, Joints, LearnerState, SetPoint, StageStamp,
-    Stamp, Target, Votes, WorldCommand, WorldState,
+    Candidate, Detection, DriveCycle, DriverState, Health, ImageShape, Joints, LearnerState, SetPoint,
+    StageStamp, Stamp, Target, Votes, WorldCommand, WorldState,
 };
 
 /// What can be written as bytes and read back to the bit.
@@ -173,6 +173,7 @@ payload!(WorldState {
 });
 payload!(DriveCycle { position, velocity });
 payload!(DriverState { time_ns, since_ns, answered, pid, state, cause, answer, at_rest, refusal });
+payload!(Health { service, pid, time_ns, frame, answered, skipped, refused, degraded, standing_by });
 payload!(WorldCommand { cycle_count, refusal, cycle_ns, set_point, cycles });
 
 /// Stamp and payload of what is not a frame; which topic it belongs to.
@@ -189,6 +190,7 @@ pub fn encode(entry: &Entry, out: &mut Vec<u8>) -> Option<Topic> {
         Sample::World(world) => put(world.as_ref(), Topic::World, out),
         Sample::Command(command) => put(command.as_ref(), Topic::Command, out),
         Sample::Driver(state) => put(state, Topic::Driver, out),
+        Sample::Health(health) => put(health, Topic::Health, out),
     })
 }
 
@@ -210,6 +212,7 @@ pub fn decode(topic: Topic, log_ns: u64, mut bytes: &[u8]) -> Option<Entry> {
         Topic::World => Sample::World(Box::new(Wire::take(input)?)),
         Topic::Command => Sample::Command(Box::new(Wire::take(input)?)),
         Topic::Driver => Sample::Driver(Wire::take(input)?),
+        Topic::Health => Sample::Health(Wire::take(input)?),
     };
     input.is_empty().then_some(Entry { log_ns, stamp, sample })
 }

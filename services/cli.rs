@@ -91,6 +91,8 @@ pub enum Verb {
     },
     /// Record everything that travels between the services, as an MCAP file.
     Record(Record),
+    /// Did the arm keep its limits, and was it at rest when it had to be? Checks a recording.
+    Audit(Audit),
     /// A recording as one HTML page with the paper's figures made from it.
     Report(RunReport),
     /// A recording once more through vision and segmentation: is it the same to the bit?
@@ -262,12 +264,22 @@ pub struct Chaos {
     /// Write the figures there, as JSON (`-`: to standard output).
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Record the run there, and check that the recording opens.
+    /// Record the run there, and check the recording as `audit` does.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Its run-time directory, in place of one below $XDG_RUNTIME_DIR.
     #[arg(long)]
     pub run_dir: Option<PathBuf>,
+}
+
+/// Options of `audit`.
+#[derive(Args, Clone, Debug)]
+pub struct Audit {
+    /// The recording, of a run on the wall clock.
+    pub file: PathBuf,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `report`.

@@ -2,6 +2,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod audit;
 mod chaos;
 mod check;
 mod cli;
@@ -66,6 +67,7 @@ fn main() -> ExitCode {
         Verb::Reset { place } => operate::reset(&place.directory()),
         Verb::Down { place } => down(&place.directory()),
         Verb::Record(options) => record::run(&options),
+        Verb::Audit(options) => audit::run(&options),
         Verb::Report(options) => run_report::run(&options),
         Verb::Replay(options) => replay::run(&options),
         Verb::Detect(options) => detect(&options),

@@ -3,12 +3,13 @@
 //! The shape is Jepsen's: a generator ([`plan`]), a nemesis that does it to real processes ([`system`]), a
 //! history, which is what is said on the bus, and a [`checker`].
 
-mod checker;
+pub mod checker;
 mod figures;
 mod frames;
 pub mod plan;
 mod system;
 
+use crate::audit::audit;
 use crate::check;
 use crate::cli::Chaos as Options;
 use checker::{Bounds, Checker};
@@ -18,7 +19,6 @@ use pursuit_arm_driver::step::Driver;
 use pursuit_bus::{Bus, Instance};
 use pursuit_messages::{ArmState, Service, Stamp};
 use pursuit_observer::ears::{Ears, Heard};
-use pursuit_recording::Reader;
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::{exit, place};
 use std::path::{Path, PathBuf};
@@ -276,17 +276,19 @@ impl Run {
             let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
         }
         let ended = recorder.wait();
-        let mut entries = 0u64;
-        let read = Reader::open(file).and_then(|mut reader| {
-            while reader.next_entry()?.is_some() {
-                entries += 1;
+        let why = match (ended, audit(file)) {
+            (Ok(status), Ok(findings)) if status.success() => {
+                let found = findings.violations.iter();
+                found.for_each(|(at_s, invariant, what)| {
+                    let what = format!("{what}, {at_s:.3} s after the recording's beginning");
+                    self.checker.violated(monotonic_ns(), invariant, what);
+                });
+                return;
             }
-            Ok(())
-        });
-        let why = match (ended, read) {
-            (Ok(status), Ok(())) if status.success() && entries > 0 => return,
-            (Ok(status), Ok(())) => format!("the recorder ended with {status}, {entries} entries"),
-            (_, Err(error)) => format!("the recording cannot be read: {error}"),
+            (Ok(status), Ok(findings)) => {
+                format!("the recorder ended with {status}, {} messages", findings.messages)
+            }
+            (_, Err(why)) => format!("the recording cannot be read: {why}"),
             (Err(error), _) => error.to_string(),
         };
         self.checker.violated(monotonic_ns(), "I10", why);

@@ -13,6 +13,16 @@ pub enum BusError {
         /// The transport's reason.
         cause: String,
     },
+    /// There is too little shared memory: using it would end this process (SIGBUS).
+    #[error(
+        "shared memory is full: {free_mb} MB free in /dev/shm, at least {needed_mb} MB are needed; make room there"
+    )]
+    Full {
+        /// What is free, MB.
+        free_mb: u64,
+        /// What is needed, MB.
+        needed_mb: u64,
+    },
     /// A running peer has another version of this topic's payload, or other depths.
     #[error(
         "topic {topic}: a running process speaks another version of it ({cause}); stop it, or start programs of one build"
@@ -55,6 +65,11 @@ pub enum BusError {
 impl BusError {
     pub(crate) fn join(name: &str, cause: &dyn core::fmt::Debug) -> BusError {
         BusError::Join { name: name.to_owned(), cause: format!("{cause:?}") }
+    }
+
+    pub(crate) fn full(needed: u64) -> BusError {
+        let free = crate::instance::free_memory().unwrap_or(0);
+        BusError::Full { free_mb: free >> 20, needed_mb: needed.div_ceil(1 << 20) }
     }
 
     /// Whether this error says that two builds met: starting again does not help.

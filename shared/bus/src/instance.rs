@@ -8,6 +8,9 @@ const MAX_ROOT_AND_PREFIX: usize = 60;
 /// Where POSIX shared memory appears as files on Linux.
 const SHARED_MEMORY: &str = "/dev/shm";
 
+/// stat(2) counts in these, bytes.
+const BLOCK: u64 = 512;
+
 /// One running system. Two instances have different run-time directories, hence different roots and
 /// prefixes of everything they share: they never see each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -109,6 +112,30 @@ impl Instance {
             .collect()
     }
 
+    /// Has the kernel give the pages of the instance's shared memory now, of each piece the first `most` bytes: it
+    /// gives each at its first use else, and ends who uses one when there is none left (SIGBUS).
+    ///
+    /// # Errors
+    /// There is not that much memory.
+    pub(crate) fn reserve(&self, most: u64) -> Result<(), rustix::io::Errno> {
+        use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fstat, open};
+        for object in self.shared_memory_objects() {
+            // What has gone meanwhile needs nothing.
+            let Ok(file) = open(&object, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()) else { continue };
+            let Ok(stat) = fstat(&file) else { continue };
+            let size = u64::try_from(stat.st_size).unwrap_or(0).min(most);
+            let has = u64::try_from(stat.st_blocks).unwrap_or(0) * BLOCK;
+            if has < size {
+                // A file system that cannot is used as it is.
+                let taken = fallocate(&file, FallocateFlags::KEEP_SIZE, 0, size);
+                if let Err(error @ rustix::io::Errno::NOSPC) = taken {
+                    return Err(error);
+                }
+            }
+        }
+        Ok(())
+    }
+
     pub(crate) fn transport_config(&self) -> Config {
         let mut config = Config::default();
         let root = self.directory.join("iox");
@@ -121,6 +148,11 @@ impl Instance {
         }
         config
     }
+}
+
+/// What is free in shared memory, bytes, where somebody can tell.
+pub(crate) fn free_memory() -> Option<u64> {
+    rustix::fs::statvfs(SHARED_MEMORY).ok().map(|shm| shm.f_bavail * shm.f_frsize)
 }
 
 /// Whether the directory is its owner's alone, and that is us.

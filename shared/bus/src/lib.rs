@@ -37,14 +37,17 @@ const MAX_NODES: usize = 32;
 /// One process's place on the bus of an instance.
 pub struct Bus {
     node: Node<Ipc>,
+    instance: Instance,
 }
 
 impl Bus {
     /// Joins the bus of `instance` under the name `name` (a service's name, for listings).
     ///
     /// # Errors
-    /// [`BusError::Join`] where the run-time directory cannot be used (another user's, say).
+    /// [`BusError::Join`] where the run-time directory cannot be used (another user's, say), [`BusError::Full`] where
+    /// there was no room in shared memory for seconds.
     pub fn join(instance: &Instance, name: &str) -> Result<Bus, BusError> {
+        check_room(ROOM)?;
         set_log_level(LogLevel::Fatal);
         let config = instance.transport_config();
         let node = NodeBuilder::new()
@@ -53,31 +56,32 @@ impl Bus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
             .map_err(|e| BusError::join(name, &e))?;
-        Ok(Bus { node })
+        Ok(Bus { node, instance: instance.clone() })
     }
 
     /// A writer of topic `T`.
     ///
     /// # Errors
-    /// [`BusError::Version`] where a running peer speaks another version of the topic.
+    /// [`BusError::Version`] where a running peer speaks another version of the topic, [`BusError::Full`] where the
+    /// kernel has no memory for it.
     pub fn publisher<T>(&self, _topic: T) -> Result<Publisher<T>, BusError>
     where
         T: Topic,
         T::Payload: Payload,
     {
-        Publisher::open(self)
+        self.reserved(Publisher::open(self)?)
     }
 
     /// A reader of topic `T`.
     ///
     /// # Errors
-    /// [`BusError::Version`] where a running peer speaks another version of the topic.
+    /// As [`Bus::publisher`].
     pub fn subscriber<T>(&self, _topic: T) -> Result<Subscriber<T>, BusError>
     where
         T: Topic,
         T::Payload: Payload,
     {
-        Subscriber::open(self)
+        self.reserved(Subscriber::open(self)?)
     }
 
     /// The writer of FRAMES; every frame has at most `max_bytes`.
@@ -85,7 +89,7 @@ impl Bus {
     /// # Errors
     /// As [`Bus::publisher`].
     pub fn frame_publisher(&self, max_bytes: usize) -> Result<FramePublisher, BusError> {
-        FramePublisher::open(self, max_bytes)
+        self.reserved_to(FramePublisher::open(self, max_bytes)?, (FRAMES_IN_USE * max_bytes) as u64)
     }
 
     /// A reader of FRAMES.
@@ -93,7 +97,7 @@ impl Bus {
     /// # Errors
     /// As [`Bus::publisher`].
     pub fn frame_subscriber(&self) -> Result<FrameSubscriber, BusError> {
-        FrameSubscriber::open(self)
+        self.reserved(FrameSubscriber::open(self)?)
     }
 
     /// A reader of topic `T` that its writers do not wake.
@@ -105,7 +109,7 @@ impl Bus {
         T: Topic,
         T::Payload: Payload,
     {
-        Reader::open(self)
+        self.reserved(Reader::open(self)?)
     }
 
     /// A reader of FRAMES that acquisition does not wake.
@@ -113,7 +117,19 @@ impl Bus {
     /// # Errors
     /// As [`Bus::subscriber`].
     pub fn frame_reader(&self) -> Result<FrameReader, BusError> {
-        FrameReader::open(self)
+        self.reserved(FrameReader::open(self)?)
+    }
+
+    /// The port, and memory for all that it will ever use.
+    fn reserved<P>(&self, port: P) -> Result<P, BusError> {
+        self.reserved_to(port, RESERVED)
+    }
+
+    fn reserved_to<P>(&self, port: P, most: u64) -> Result<P, BusError> {
+        match self.instance.reserve(most) {
+            Ok(()) => Ok(port),
+            Err(_) => Err(BusError::full(ROOM)),
+        }
     }
 
     /// Gives back what dead processes left on the bus; how many were cleaned up.
@@ -181,7 +197,8 @@ impl Bus {
                 .service_builder(&name)
                 .publish_subscribe::<[u8]>()
                 .user_header::<Stamp>()
-                .payload_alignment(Alignment::ALIGN_64)
+                // No alignment of the payload: iceoryx2 0.10 rounds each byte of the slice up to it, and a pool of
+                // 49 MB has 3.1 GB, most of it never touched.
                 .max_publishers(publishers)
                 .max_subscribers(subscribers)
                 .subscriber_max_buffer_size(buffer)
@@ -209,6 +226,33 @@ impl Bus {
     pub(crate) fn node(&self) -> &Node<Ipc> {
         &self.node
     }
+}
+
+/// Shared memory that a process of the instance needs to join, bytes; for its ports it asks by itself.
+const ROOM: u64 = 1 << 20;
+/// Of each piece of shared memory so much at most is taken from the kernel at once, bytes; only the frames' is larger.
+const RESERVED: u64 = 8 << 20;
+/// Frames of a publisher that are in use at the same time, with room to spare: of those that a stopped reader of every
+/// kind could hold back besides, the pages come at their first use.
+const FRAMES_IN_USE: usize = 32;
+/// How often is looked for room, [`OPEN_PAUSE`] apart: for 3 s.
+const ROOM_LOOKS: u32 = 60;
+
+/// Waits for room: who uses memory that is not there ends of SIGBUS.
+///
+/// # Errors
+/// [`BusError::Full`] where that many bytes do not become free.
+fn check_room(needed: u64) -> Result<(), BusError> {
+    for look in 0..ROOM_LOOKS {
+        if look > 0 {
+            std::thread::sleep(OPEN_PAUSE);
+        }
+        // Where nobody can tell, nobody is refused.
+        if instance::free_memory().is_none_or(|free| free >= needed) {
+            return Ok(());
+        }
+    }
+    Err(BusError::full(needed))
 }
 
 /// Keeps every topic open; see [`Bus::hold_all_topics`].

@@ -86,7 +86,29 @@ fn a_frame_is_read_where_it_was_written() {
     loan.send(&stamp(1)).unwrap();
     let frame = reader.receive().unwrap().unwrap();
     assert_eq!(frame.pixels(), (0..32).collect::<Vec<u8>>());
-    assert_eq!(frame.pixels().as_ptr() as usize % 64, 0, "frames are aligned for SIMD");
+}
+
+#[test]
+fn the_pools_have_the_size_that_the_budget_says() {
+    let cell = Cell::new();
+    let bus = Bus::join(&cell.instance, "test").unwrap();
+    let _writers = [bus.frame_publisher(512 * 512).unwrap(), bus.frame_publisher(512 * 512).unwrap()];
+    let size = |object: &std::path::PathBuf| std::fs::metadata(object).unwrap().len() as usize;
+    let all: usize = cell.instance.shared_memory_objects().iter().map(size).sum();
+    let budget = memory_budget(512 * 512);
+    assert!((budget / 2..=budget).contains(&all), "{all} bytes, budget {budget}");
+}
+
+#[test]
+fn what_a_port_will_use_is_there_from_the_beginning() {
+    use std::os::unix::fs::MetadataExt;
+    let cell = Cell::new();
+    let bus = Bus::join(&cell.instance, "test").unwrap();
+    let _ports = (bus.publisher(WorldStates).unwrap(), bus.subscriber(WorldStates).unwrap());
+    for object in cell.instance.shared_memory_objects() {
+        let about = std::fs::metadata(&object).unwrap();
+        assert!(about.blocks() * 512 >= about.len(), "{} of {}", about.blocks() * 512, about.len());
+    }
 }
 
 #[test]

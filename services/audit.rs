@@ -5,16 +5,13 @@ use crate::check;
 use crate::cli::Audit as Options;
 use pursuit_arm_driver::step::Driver;
 use pursuit_config::Document;
-use pursuit_messages::{ArmEvent, Stamp, WorldCommand};
+use pursuit_messages::ArmEvent;
 use pursuit_recording::{Reader, Sample};
 use pursuit_runtime::exit;
 use pursuit_runtime::settings::Clock;
 use serde::Serialize;
-use std::collections::VecDeque;
 use std::path::Path;
 
-/// The recorder may take a command before the reading that it was made from, by up to so long, ns.
-const OUT_OF_ORDER_NS: u64 = 15_000_000;
 /// Violations that are printed one by one.
 const SHOWN: usize = 20;
 
@@ -71,18 +68,15 @@ pub fn audit(file: &Path) -> Result<Findings, String> {
     let driver = Driver::new(checked.arm.parameters, checked.arm.coupling).map_err(|e| told(&e))?;
     let mut checker = Checker::new(Bounds::new(driver, checked.simulator.cell.latency_ns));
     let mut findings = Findings::default();
-    let mut waiting: VecDeque<(u64, Stamp, WorldCommand)> = VecDeque::new();
     let mut times_ns = None;
     while let Some(entry) = reader.next_entry().map_err(|e| told(&e))? {
         findings.messages += 1;
         let log_ns = entry.log_ns;
         times_ns = Some(times_ns.map_or((log_ns, log_ns), |(first, _)| (first, log_ns)));
-        let ripe = waiting.partition_point(|(at, ..)| *at + OUT_OF_ORDER_NS < log_ns);
-        waiting.drain(..ripe).for_each(|(_, stamp, command)| checker.command(&stamp, &command));
         match entry.sample {
             Sample::Health(health) => checker.health(&health),
-            Sample::World(world) => checker.world(&entry.stamp, &world),
-            Sample::Command(command) => waiting.push_back((log_ns, entry.stamp, *command)),
+            Sample::World(world) => checker.hear_world(&entry.stamp, &world),
+            Sample::Command(command) => checker.hear_command(&entry.stamp, &command),
             Sample::Learner(state) => checker.learner(&state),
             Sample::Driver(state) => {
                 // The operator is not in the recording, but what the driver made of his wish is.
@@ -96,7 +90,7 @@ pub fn audit(file: &Path) -> Result<Findings, String> {
             _ => {}
         }
     }
-    waiting.iter().for_each(|(_, stamp, command)| checker.command(stamp, command));
+    checker.settle();
     let (first_ns, _) = times_ns.ok_or("it holds no message")?;
     findings.closed = reader.is_closed();
     findings.lost_samples = checker.lost_samples;
@@ -131,7 +125,9 @@ fn text(findings: &Findings) -> String {
 mod tests {
     use super::*;
     use crate::check::SIM;
-    use pursuit_messages::{ArmState, DriverState, ImageShape, LearnerState, Service, Stage, WorldState};
+    use pursuit_messages::{
+        ArmState, DriverState, ImageShape, LearnerState, Service, Stage, Stamp, WorldCommand, WorldState,
+    };
     use pursuit_recording::{Entry, Writer};
 
     /// A recording of those messages, 10 ms apart, and what is found in it.

@@ -18,6 +18,8 @@ const MEASURED_RAD: f64 = 0.01;
 const REST_RAD_PER_S: f64 = 0.05;
 /// Readings that a command may have been made from: those of the last cycles.
 const READINGS: usize = 6;
+/// The newest of them is not older than this, ns, or some were not heard.
+const HEARD_NS: u64 = 60_000_000;
 /// Services, the supervisor not counted.
 const SERVICES: usize = Service::ALL.len();
 
@@ -62,6 +64,8 @@ pub struct Checker {
     bounds: Bounds,
     lives: [Lives; SERVICES],
     readings: VecDeque<WorldState>,
+    /// Commands that were heard, until a reading is heard that is younger: who hears late hears many at once.
+    waiting: VecDeque<(Stamp, WorldCommand)>,
     world_epoch: u64,
     /// Epoch and number of the newest frame that moved the arm.
     used: (u64, u64),
@@ -85,6 +89,7 @@ impl Checker {
             bounds,
             lives: Default::default(),
             readings: VecDeque::with_capacity(READINGS + 1),
+            waiting: VecDeque::new(),
             world_epoch: 0,
             used: (0, 0),
             followed: None,
@@ -143,8 +148,34 @@ impl Checker {
         }
     }
 
+    /// WORLD_COMMAND, before the readings that it can have been made from, or with them.
+    pub fn hear_command(&mut self, stamp: &Stamp, command: &WorldCommand) {
+        self.waiting.push_back((*stamp, *command));
+    }
+
+    /// WORLD_STATE: first what was commanded before it.
+    pub fn hear_world(&mut self, stamp: &Stamp, world: &WorldState) {
+        while self.waiting.front().is_some_and(|(stamp, _)| begin_ns(stamp) < world.time_ns) {
+            self.next_command();
+        }
+        self.world(stamp, world);
+    }
+
+    /// No reading comes any more.
+    pub fn settle(&mut self) {
+        while !self.waiting.is_empty() {
+            self.next_command();
+        }
+    }
+
+    fn next_command(&mut self) {
+        if let Some((stamp, command)) = self.waiting.pop_front() {
+            self.command(&stamp, &command);
+        }
+    }
+
     /// WORLD_STATE: joints within their limits (I1), and at rest when nothing fresh moves them (I4).
-    pub fn world(&mut self, stamp: &Stamp, world: &WorldState) {
+    fn world(&mut self, stamp: &Stamp, world: &WorldState) {
         if stamp.epoch != self.world_epoch {
             // Another world: its arm stands where it begins.
             self.world_epoch = stamp.epoch;
@@ -175,7 +206,7 @@ impl Checker {
     }
 
     /// WORLD_COMMAND: within the limits (I1, I2), fresh (I3), frames rise (I7).
-    pub fn command(&mut self, stamp: &Stamp, command: &WorldCommand) {
+    fn command(&mut self, stamp: &Stamp, command: &WorldCommand) {
         let Some(stage) = stamp.passed().last() else { return };
         let now = stage.begin_ns;
         let answers_a_frame = stamp.passed().len() > 1;
@@ -215,7 +246,9 @@ impl Checker {
                 }
             }
         }
-        if let (Some(first), false) = (command.cycles.first(), self.readings.is_empty()) {
+        // What was made from a reading that nobody heard cannot be judged.
+        let was_heard = self.readings.back().is_some_and(|newest| now < newest.time_ns + HEARD_NS);
+        if let (Some(first), true) = (command.cycles.first(), was_heard) {
             let continues = |reading: &WorldState| {
                 limits.iter().enumerate().all(|(axis, limits)| {
                     let change = (first.velocity[axis] - reading.issued_velocity[axis]).abs();
@@ -251,6 +284,11 @@ impl Checker {
         self.lost_samples += self.samples.saturating_sub(state.samples);
         self.samples = state.samples;
     }
+}
+
+/// When a command was begun, ns.
+fn begin_ns(stamp: &Stamp) -> u64 {
+    stamp.passed().last().map_or(0, |stage| stage.begin_ns)
 }
 
 fn index(service: Service) -> usize {

@@ -193,3 +193,27 @@ fn frames_without_an_answer_and_lost_samples_are_counted() {
     }
     assert_eq!(checker.lost_samples, 2);
 }
+
+#[test]
+fn who_hears_late_hears_all_in_their_order() {
+    // 20 ticks while the arm speeds up, each command 0.02 rad/s faster than the reading before; all heard at once.
+    let (mut checker, mut late) = (moving(8), moving(8));
+    let speed = |tick: u64| 0.2 + 0.02 * tick as f64;
+    let events: Vec<(Stamp, WorldState, Stamp, WorldCommand)> = (0..20)
+        .map(|tick| {
+            let ms = 1080 + tick * 10;
+            let now = answer(2 + tick, ms, ms + 1);
+            (stamp(2 + tick, ms), reading(ms, speed(tick)), now, command(speed(tick + 1), 0))
+        })
+        .collect();
+    for (seen, world, stamp, command) in &events {
+        checker.hear_world(seen, world);
+        checker.hear_command(stamp, command);
+    }
+    events.iter().for_each(|(_, _, stamp, command)| late.hear_command(stamp, command));
+    events.iter().for_each(|(seen, world, ..)| late.hear_world(seen, world));
+    checker.settle();
+    late.settle();
+    assert_eq!((checker.violations, late.violations), (vec![], vec![]));
+    assert_eq!(late.frames.unanswered(0, u64::MAX), checker.frames.unanswered(0, u64::MAX));
+}

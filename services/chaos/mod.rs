@@ -138,6 +138,7 @@ fn chaos(options: &Options, directory: &Path) -> Result<Figures, String> {
     let begin = Instant::now();
     run.torment(options, &stop);
     run.recover(&stop);
+    run.checker.settle();
     let ended_ns = monotonic_ns();
     if let Some(recorder) = recorder {
         run.check_recording(recorder, options.record.as_deref().unwrap_or(Path::new("")));
@@ -204,20 +205,17 @@ impl Run {
     /// Listens, and does what an operator would.
     fn turn(&mut self) {
         let (checker, newest) = (&mut self.checker, &mut self.newest);
-        // A command is heard before the reading that it was made from.
-        let mut commands = Vec::new();
         self.ears.listen(|heard| match heard {
             Heard::Health(_, health) => checker.health(health),
             Heard::World(stamp, world) => {
                 *newest = Some(*stamp);
-                checker.world(stamp, world);
+                checker.hear_world(stamp, world);
             }
-            Heard::Command(stamp, command) => commands.push((*stamp, *command)),
+            Heard::Command(stamp, command) => checker.hear_command(stamp, command),
             Heard::Driver(_, state) => checker.driver_state(state),
             Heard::Learner(_, state) => checker.learner(state),
             _ => {}
         });
-        commands.iter().for_each(|(stamp, command)| checker.command(stamp, command));
         self.files.look(self.system.supervisor());
         let now = monotonic_ns();
         let stops = [ArmState::EmergencyStop, ArmState::ProtectiveStop];

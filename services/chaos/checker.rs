@@ -67,6 +67,8 @@ pub struct Checker {
     /// Commands that were heard, until a reading is heard that is younger: who hears late hears many at once.
     waiting: VecDeque<(Stamp, WorldCommand)>,
     world_epoch: u64,
+    /// Time of the first reading: what moved the arm before it was not heard.
+    joined_ns: Option<u64>,
     /// Epoch and number of the newest frame that moved the arm.
     used: (u64, u64),
     /// Exposure behind the newest command that followed a set-point, and when it was given, ns.
@@ -91,6 +93,7 @@ impl Checker {
             readings: VecDeque::with_capacity(READINGS + 1),
             waiting: VecDeque::new(),
             world_epoch: 0,
+            joined_ns: None,
             used: (0, 0),
             followed: None,
             driver: None,
@@ -193,7 +196,9 @@ impl Checker {
             }
         }
         let fastest = world.velocity.iter().fold(0.0f64, |most, v| most.max(v.abs()));
-        let fresh = self.followed.is_some_and(|(exposure, _)| now <= exposure + self.bounds.rest_ns);
+        let joined = *self.joined_ns.get_or_insert(now);
+        let excused = self.followed.map_or(joined, |(exposure, _)| exposure.max(joined));
+        let fresh = now <= excused + self.bounds.rest_ns;
         if !fresh && fastest > REST_RAD_PER_S && self.readings.len() == READINGS {
             let since = self.followed.map_or(0.0, |(exposure, _)| (now - exposure) as f64 * 1e-6);
             let what = format!("a joint moves at {fastest:.3} rad/s, {since:.0} ms after the last exposure");

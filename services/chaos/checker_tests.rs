@@ -134,6 +134,23 @@ fn an_arm_that_goes_on_without_fresh_set_points_is_seen() {
 }
 
 #[test]
+fn what_moved_the_arm_before_anybody_listened_is_excused_once() {
+    let mut checker = checker();
+    let rest_ms = checker.bounds.rest_ns / MS;
+    for tick in 0..100 {
+        checker.world(&stamp(2, 1080), &reading(1080 + tick * 10, 0.2));
+    }
+    let first = checker.violations[0].time_ns / MS;
+    assert!((1080 + rest_ms..=1100 + rest_ms).contains(&first), "{first} ms, bound {rest_ms} ms");
+    // A new world is no new beginning.
+    let mut after = stamp(3, 2200);
+    after.epoch = 2;
+    checker.violations.clear();
+    (0..7).for_each(|tick| checker.world(&after, &reading(2200 + tick * 10, 0.2)));
+    assert_eq!(invariants(&checker), ["I4"]);
+}
+
+#[test]
 fn a_stop_that_nobody_reset_is_seen() {
     let state =
         |state: ArmState, ms| DriverState { state: state as u32, time_ns: ms * MS, ..DriverState::default() };

@@ -19,6 +19,9 @@ const FILES: u64 = 512;
 /// The kernel must have this many times the bus's budget free, as `pursuit up` wants it.
 const MEMORY_FACTOR: u64 = 2;
 
+/// What statfs(2) calls a file system in memory.
+const TMPFS: u64 = 0x0102_1994;
+
 /// How something is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -62,6 +65,7 @@ pub fn run(options: &Options) -> u8 {
         open_files(),
         real_time(),
         scheduling(),
+        clock(),
         run_directory(&directory),
         leftovers(&directory),
     ];
@@ -155,9 +159,36 @@ fn scheduling() -> Finding {
     )
 }
 
+/// Every stage of every frame asks for the time.
+fn clock() -> Finding {
+    let file = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
+    let name = std::fs::read_to_string(file).map_or("not told".to_owned(), |name| name.trim().to_owned());
+    // The others need a system call, and some a device that answers slowly.
+    let fast = ["tsc", "kvm-clock", "hyperv_clocksource_tsc_page", "arch_sys_counter"];
+    let grade = if fast.contains(&name.as_str()) || name == "not told" { Grade::Ok } else { Grade::Warn };
+    Finding::new(
+        "clock source",
+        grade,
+        name,
+        "asking for the time is slow with it: see whether the kernel takes tsc (clocksource=tsc)",
+    )
+}
+
 fn run_directory(directory: &Path) -> Finding {
     let name = directory.display().to_string();
-    if !directory.exists() {
+    let exists = directory.exists();
+    // The file system is that of the nearest folder that is there.
+    let there = directory.ancestors().find(|folder| folder.exists()).unwrap_or(directory);
+    let in_memory = rustix::fs::statfs(there).is_ok_and(|about| about.f_type as u64 == TMPFS);
+    if !in_memory {
+        return Finding::new(
+            "run-time directory",
+            Grade::Warn,
+            format!("{name}, on a disk"),
+            "state is written there with every sample, a busy disk holds that up: --run-dir below /dev/shm or /run",
+        );
+    }
+    if !exists {
         return Finding::new("run-time directory", Grade::Ok, format!("{name}, not there yet"), "");
     }
     match Instance::at(directory) {

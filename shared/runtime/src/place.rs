@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 pub const DEFAULT_INSTANCE: &str = "sim";
 
 /// The run-time directory of the instance `name`: below `$PURSUIT_RUN_DIR`, else
-/// `$XDG_RUNTIME_DIR/pursuit`, else `/tmp/pursuit-UID`.
+/// `$XDG_RUNTIME_DIR/pursuit`, else `/dev/shm/pursuit-UID`: in memory, since state is written there with every sample.
 pub fn directory(name: &str) -> PathBuf {
     let base = std::env::var_os("PURSUIT_RUN_DIR").map(PathBuf::from).or_else(|| {
         std::env::var_os("XDG_RUNTIME_DIR")
             .filter(|dir| !dir.is_empty())
             .map(|dir| Path::new(&dir).join("pursuit"))
     });
-    base.unwrap_or_else(|| PathBuf::from(format!("/tmp/pursuit-{}", rustix::process::getuid().as_raw())))
+    base.unwrap_or_else(|| PathBuf::from(format!("/dev/shm/pursuit-{}", rustix::process::getuid().as_raw())))
         .join(name)
 }
 

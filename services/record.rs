@@ -11,6 +11,7 @@ use pursuit_recording::{Entry, RecordingError, Sample, Writer};
 use pursuit_runtime::clock::monotonic_ns;
 use pursuit_runtime::{exit, place};
 use pursuit_supervisor::instance::is_running;
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -93,7 +94,14 @@ fn record(directory: &Path, file: &Path, seconds: Option<f64>) -> Result<Counts,
     let writer = Writer::create(file, &config).map_err(|e| e.to_string())?;
     let (queue, waiting) = sync_channel(QUEUE);
     let writing = std::thread::spawn(move || write(writer, &waiting));
-    let mut tap = Tap { queue, counts: Counts::default(), last: None, broken: false };
+    let mut tap = Tap {
+        queue,
+        look: 0,
+        held: Default::default(),
+        counts: Counts::default(),
+        last: None,
+        broken: false,
+    };
     let end_ns = seconds.map(|s| monotonic_ns() + (s.max(0.0) * 1e9) as u64);
     let mut look_ns = monotonic_ns() + LOOK_NS;
     eprintln!("recording into {}; Ctrl-C ends it", file.display());
@@ -101,6 +109,7 @@ fn record(directory: &Path, file: &Path, seconds: Option<f64>) -> Result<Counts,
         if ears.listen(|heard| tap.hear(heard)) > 0 {
             return Err("the bus cannot be read".to_owned());
         }
+        tap.release(false);
         std::thread::sleep(LOOK);
         let now = monotonic_ns();
         if end_ns.is_some_and(|end| now >= end) {
@@ -113,6 +122,7 @@ fn record(directory: &Path, file: &Path, seconds: Option<f64>) -> Result<Counts,
             }
         }
     }
+    tap.release(true);
     let Tap { queue, counts, .. } = tap;
     drop(queue);
     match writing.join() {
@@ -137,9 +147,14 @@ fn write(mut writer: Writer, waiting: &Receiver<Entry>) -> Result<(), RecordingE
     }
 }
 
-/// Where messages go.
+/// Where messages go: an answer behind what it answers. Topic after topic is read, so that an answer may be read
+/// before what it answers, which then comes at the next look.
 struct Tap {
     queue: SyncSender<Entry>,
+    /// Number of this look.
+    look: u64,
+    /// Vote fields, which wait for one look, and all else, which waits for two; each with the look that it is of.
+    held: [VecDeque<(u64, Entry)>; 2],
     counts: Counts,
     /// Epoch and number of the newest frame.
     last: Option<(u64, u64)>,
@@ -168,6 +183,27 @@ impl Tap {
 
     fn take(&mut self, stamp: &Stamp, sample: Sample) {
         let entry = Entry { log_ns: monotonic_ns(), stamp: *stamp, sample };
+        match entry.sample {
+            Sample::Frame(_) => self.pass_on(entry),
+            Sample::Votes(_) => self.held[0].push_back((self.look, entry)),
+            _ => self.held[1].push_back((self.look, entry)),
+        }
+    }
+
+    /// A look is over: passes on what has waited for long enough, at the end (`all`) everything.
+    fn release(&mut self, all: bool) {
+        for kind in 0..self.held.len() {
+            let wait = kind as u64 + 1;
+            while self.held[kind].front().is_some_and(|(look, _)| all || look + wait <= self.look) {
+                if let Some((_, entry)) = self.held[kind].pop_front() {
+                    self.pass_on(entry);
+                }
+            }
+        }
+        self.look += 1;
+    }
+
+    fn pass_on(&mut self, entry: Entry) {
         match self.queue.try_send(entry) {
             Ok(()) => {}
             Err(TrySendError::Full(_)) => self.counts.dropped += 1,

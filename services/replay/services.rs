@@ -101,6 +101,10 @@ fn read(mut reader: Reader, from_s: f64) -> Result<Expected, String> {
     let mut targets = Vec::new();
     while let Some(entry) = reader.next_entry().map_err(|e| e.to_string())? {
         let stamp = entry.stamp;
+        // The others' stamps need not be those of a frame.
+        if !matches!(entry.sample, Sample::Frame(_) | Sample::Votes(_) | Sample::Target(_)) {
+            continue;
+        }
         if *epoch.get_or_insert(stamp.epoch) != stamp.epoch {
             continue;
         }
